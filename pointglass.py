@@ -49,7 +49,8 @@ if "".join(
     sys.orig_argv[sys.orig_argv.index("-m") + 1 :][:1] if sys.argv[:1] == ["-m"] else sys.argv[:1]
 ).replace("\\", "/").rpartition("/")[2] in ("pointglass", "pointglass.exe", "pointglass.viewer"):
     # This is the command line, not a program that imports pointglass: Ctrl-C and SIGTERM end it with one line and exit code 130
-    # from here on, before anything else is imported.  viewer/__main__.py then takes charge of them (model/common/signals.py).
+    # from here on, before anything else is imported.  viewer/__main__.py then takes charge of them
+    # (model/common/process/signals.py).
     import _signal  # pyright: ignore[reportMissingImports]  # the module signal takes longer to load
     import os
 
@@ -74,8 +75,8 @@ if "__path__" not in globals():  # a checkout: this file beside viewer/ and mode
 from .viewer import __version__
 
 if TYPE_CHECKING:
-    from .viewer.camera import Camera
-    from .viewer.errors import DeviceError, InputError, PointglassError
+    from .viewer.commands.demo import demo_scan
+    from .viewer.common.errors import DeviceError, InputError, PointglassError
     from .viewer.interface.arguments import RenderSettings
     from .viewer.interface.from_points import from_points
     from .viewer.interface.measured_points import Points
@@ -83,8 +84,8 @@ if TYPE_CHECKING:
     from .viewer.interface.pictures import Frame, Picture
     from .viewer.interface.place_camera import look_at, read_cameras, write_cameras
     from .viewer.interface.scan_photographs import Photograph
-    from .viewer.tools.demo import demo_scan
-    from .viewer.tools.provenance import PROVENANCE
+    from .viewer.picture.camera import Camera
+    from .viewer.picture.provenance import PROVENANCE
 
 __all__ = [
     "PROVENANCE", "Camera", "DeviceError", "Frame", "InputError", "Photograph", "Picture", "PointglassError", "Points",
@@ -92,8 +93,8 @@ __all__ = [
 ]  # fmt: skip
 
 _MODULES = {
-    "camera": ["Camera"],
-    "errors": ["DeviceError", "InputError", "PointglassError"],
+    "picture.camera": ["Camera"],
+    "common.errors": ["DeviceError", "InputError", "PointglassError"],
     "interface.arguments": ["RenderSettings"],
     "interface.from_points": ["from_points"],
     "interface.measured_points": ["Points"],
@@ -101,8 +102,8 @@ _MODULES = {
     "interface.scan_photographs": ["Photograph"],
     "interface.pictures": ["Frame", "Picture"],
     "interface.place_camera": ["look_at", "read_cameras", "write_cameras"],
-    "tools.demo": ["demo_scan"],
-    "tools.provenance": ["PROVENANCE"],
+    "commands.demo": ["demo_scan"],
+    "picture.provenance": ["PROVENANCE"],
 }
 """Module below viewer -> what is imported from it when it is first asked for: the command line starts without NumPy."""
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

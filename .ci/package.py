@@ -20,7 +20,8 @@ _HELD = {
     "viewer": "pointglass/viewer",
     "model": "pointglass/model",
     "viewer/py.typed": "pointglass/py.typed",
-    # The weights go to model/, which loads them and knows nothing of viewer/ (viewer/paths.py, model/weights_folder.py).
+    # The weights go to model/, which loads them and knows nothing of viewer/ (viewer/common/paths.py,
+    # model/network/weights_folder.py).
     "shaders": "pointglass/viewer/_data/shaders",
     "assets/demo.laz": "pointglass/viewer/_data/assets/demo.laz",
     "assets/demo_cameras.json": "pointglass/viewer/_data/assets/demo_cameras.json",

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.viewer.paths import assets_dir
-from pointglass.viewer.settings import VIEWS, Settings
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.viewer.common.paths import assets_dir
+from pointglass.viewer.picture.settings import VIEWS, Settings
 
 SIZE = (640, 480)
 PICTURE = Path("readme") / "four-views.jpg"
@@ -30,12 +30,12 @@ _LINE, _SHADOW = (245, 245, 245), (20, 20, 20)
 @cache
 def views_of(quality: str = "balanced", size: tuple[int, int] = SIZE) -> dict[str, np.ndarray]:
     """(H, W, 3) uint8 of each view of the first demo camera, on black.  size: width, height in pixels."""
+    from pointglass.viewer.commands.demo import demo_scan
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.tools.background import composite
-    from pointglass.viewer.tools.camera_files import read_cameras
-    from pointglass.viewer.tools.demo import demo_scan
+    from pointglass.viewer.work.cameras.camera_files import read_cameras
 
     context = create_context()
     renderer = Renderer(context, open_scene([demo_scan()]))
@@ -50,7 +50,7 @@ def views_of(quality: str = "balanced", size: tuple[int, int] = SIZE) -> dict[st
 
 def write_picture(path: Path, quality: str = "balanced") -> Path:
     """The four views in two rows, as JPEG."""
-    from pointglass.viewer.tools.demo import contact_sheet
+    from pointglass.viewer.commands.demo import contact_sheet
 
     pictures = list(views_of(quality).values())
     sheet = Image.fromarray(contact_sheet([pictures[:2], pictures[2:]], scale=1))

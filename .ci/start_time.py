@@ -24,7 +24,7 @@ LAUNCHED = "POINTGLASS_LAUNCHED"
 # Runs the window as `pointglass view` does, and leaves when the first picture of the scan has been shown.
 WINDOW = f"""
 import os, sys, time
-import pointglass.viewer.window.app as window
+import pointglass.viewer.window.shell.app as window
 step = window.App.step
 def until_a_picture(self, **options):
     step(self, **options)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.viewer.settings import Settings
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.viewer.picture.settings import Settings
 
 SIZE = (480, 320)
 PHOTO = (1024, 512)
@@ -30,7 +30,7 @@ def photograph():
     from pointglass.model.common.linear_light import to_linear, to_srgb
     from pointglass.model.synth.demo import STATIONS
     from pointglass.model.synth.place import Place
-    from pointglass.viewer.readers.e57_photographs import StationPhoto
+    from pointglass.viewer.readers.e57.e57_photographs import StationPhoto
 
     place, (width, height) = Place(1), PHOTO
     light = np.zeros((height, width, 3))
@@ -50,14 +50,14 @@ def photograph():
 
 def write_station_animation(path: Path, quality: str = "balanced") -> Path:
     """Photograph, line across, neural view, walk: as an endless GIF."""
-    from pointglass.viewer.camera import from_fov, look_at
+    from pointglass.viewer.commands.demo import demo_scan
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.picture.camera import from_fov, look_at
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.tools.background import composite
-    from pointglass.viewer.tools.demo import demo_scan
-    from pointglass.viewer.tools.photo_in_view import blended, filled_depth, nearest_ranges, resampled, strength
-    from pointglass.viewer.tools.standing_place import sample_scene
+    from pointglass.viewer.work.pictures.photo_in_view import blended, filled_depth, nearest_ranges, resampled, strength
+    from pointglass.viewer.work.places.standing_place import sample_scene
 
     photo, context = photograph(), create_context()
     scene = open_scene([demo_scan()])

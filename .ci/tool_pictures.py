@@ -23,7 +23,7 @@ def main() -> None:
     from driver import Driver, middle
     from PIL import Image
 
-    from pointglass.viewer.tools.demo import demo_camera, demo_scan
+    from pointglass.viewer.commands.demo import demo_camera, demo_scan
     from pointglass.viewer.window.interaction.clip_tool import extent_of
     from pointglass.viewer.window.interaction.editing import edit
 

@@ -1,5 +1,5 @@
 // Edits of points: hidden stations and clips remove them, the look colours them by an attribute, dimmed ghosts are faded.
-// Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/edits.py.
+// Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/raster/edits.py.
 
 layout(std140, binding = EDITS_BINDING) uniform Edits {
     vec4 clip_rows[3 * MOST_CLIPS];  // xyz: view frame, w: offset; a point is inside where all three rows give -1..1
@@ -7,7 +7,7 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     uvec4 hidden[2];     // a bit for each station
     vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
     vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
-    uvec4 mode;          // x: colour mode, index in viewer.tools.look.COLOUR_BY; y: 1 where points have classes; z: 1 + station to be dimmed
+    uvec4 mode;          // x: colour mode, index in viewer.picture.look.COLOUR_BY; y: 1 where points have classes; z: 1 + station to be dimmed
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
 };
 
@@ -24,7 +24,7 @@ bool dropped(vec3 at, uint station) {
         || (inside & clip_groups.w) != 0u;
 }
 
-// Reference implementation, to the byte: viewer.render.edits.dimmed.
+// Reference implementation, to the byte: viewer.render.raster.edits.dimmed.
 uint dimmed(uint third) {
     uint grey = (77u * (third & 255u) + 150u * (third >> 8 & 255u) + 29u * (third >> 16 & 255u)) >> 8;
     uint level = uint(DIMMED_LEAST) + (grey >> DIMMED_SHIFT);
@@ -39,7 +39,7 @@ uint recoloured(uint second, uint third, vec3 at) {
     if (mode.x == 3u) row = point_class(second, mode.y != 0u);
     else if (mode.x == 4u) row = third >> 24;
     else {
-        // In the order of viewer/render/point_loops.py, which must choose the same colour.
+        // In the order of viewer/render/raster/point_loops.py, which must choose the same colour.
         precise float height = ((upward.x * at.x + upward.y * at.y) + upward.z * at.z) + upward.w;
         precise float far = sqrt((at.x * at.x + at.y * at.y) + at.z * at.z);
         float above = mode.x == 1u ? point_intensity(second, mode.y != 0u, ramp.zw) - ramp.x

@@ -1,4 +1,4 @@
-// The depth filter's decision for one block.  Reference implementation: model/depth_filter.py, _hiding_threshold.
+// The depth filter's decision for one block.  Reference implementation: model/reference/depth_filter.py, _hiding_threshold.
 //
 // A block of the pyramid is a vec2: nearest inverse depth (x); and, in one number (y), how many level-0 pixels lie on its surface,
 // times CHILDREN, plus how many of its four children hold them.  CHILDREN is above the 36 of nine blocks, so sums stay apart, and

@@ -1,4 +1,4 @@
-// Packed point -> pixel and depth, by the same expressions in both rasterisers and in model/projection.py.
+// Packed point -> pixel and depth, by the same expressions in both rasterisers and in model/reference/projection.py.
 // View frame: x right, y down, z forward, file units.  Nothing may be fused or reordered: hence precise.
 
 layout(std140, binding = FRAME_BINDING) uniform Frame {

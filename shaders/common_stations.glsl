@@ -1,5 +1,5 @@
 // WEIGHTED: the weight of a point, by the angle between the viewing ray and its scanner's ray.  View frame, the eye at its origin.
-// Nothing may be fused or reordered: hence precise.  Reference implementation: model/station_weights.py.
+// Nothing may be fused or reordered: hence precise.  Reference implementation: model/reference/station_weights.py.
 
 #ifdef WEIGHTED
 layout(std140, binding = STATIONS_BINDING) uniform Stations { vec4 stations[256]; };  // view position; w: 1 where known

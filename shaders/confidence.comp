@@ -1,5 +1,5 @@
 // Confidence of each measured pixel relative to its neighbours, where points have station weights; and the pixel's colour,
-// moved towards the tone of more confident neighbours.  Reference implementation: model/station_weights.py, confidence_of and
+// moved towards the tone of more confident neighbours.  Reference implementation: model/reference/station_weights.py, confidence_of and
 // match_tone.  Four passes, each from the one before:
 // WEIGHTS: sums of the weights and of their squares over blocks of pixels.
 // SHARES: a pixel's weight relative to the weighted mean weight around it.

@@ -1,10 +1,10 @@
 // Pull-push fill, level 0: the filled picture.  Its alpha is the opacity that hole_coverage.comp found, and 1 in directions that
-// the scan encloses (viewer/render/enclosed_directions.py; ALIKE: the state of all directions in view, where it is one).
+// the scan encloses (viewer/render/culling/enclosed_directions.py; ALIKE: the state of all directions in view, where it is one).
 // NETWORK: also the network's input, eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence,
 // filled depth feature, filled noise level (NOISE; else 0), 1 where the network must keep what is filled (SEALED, or far inside
 // a hole), 1 - alpha.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.
-// Reference implementation: model/pull_push.py.
+// Reference implementation: model/reference/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -27,7 +27,7 @@ uniform sampler2D coarse_noise;   // already filled
 #endif
 
 #ifndef ALIKE
-// The cube face and cell of a direction, as viewer/render/enclosed_directions.py numbers them.
+// The cube face and cell of a direction, as viewer/render/culling/enclosed_directions.py numbers them.
 ivec2 cell_of(vec3 d) {
     vec3 a = abs(d);
     int axis = a.x >= a.y && a.x >= a.z ? 0 : (a.y >= a.z ? 1 : 2);

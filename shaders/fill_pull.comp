@@ -1,7 +1,7 @@
 // Pull-push fill, pull: weighted sums of the four children; the weight is at most 1.  Values are stored times their weight; the
-// fourth channel is the depth feature (model/projection.py, depth_feature).  BASE: the children are pixels.
+// fourth channel is the depth feature (model/reference/projection.py, depth_feature).  BASE: the children are pixels.
 // BACKGROUND: children clearly nearer than the farthest are left out where the gap is too wide for their surface.
-// NOISE: a noise level is pulled along.  Reference implementation: model/pull_push.py.
+// NOISE: a noise level is pulled along.  Reference implementation: model/reference/pull_push.py.
 #include "common_fill.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;

@@ -1,6 +1,6 @@
 // Pull-push fill, push: the part of a block that its weight leaves open is filled from the coarser level.
 // BACKGROUND: of the coarser level's four values, those clearly nearer than the farthest are left out where the gap is too wide
-// for their surface.  NOISE: a noise level is pushed along.  Reference implementation: model/pull_push.py.
+// for their surface.  NOISE: a noise level is pushed along.  Reference implementation: model/reference/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 

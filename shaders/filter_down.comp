@@ -1,5 +1,5 @@
 // Depth filter, towards coarser levels: nearest inverse depth of each block, how many level-0 pixels lie on its surface and how
-// many of its children hold them (common_filter.glsl).  Reference implementation: model/depth_filter.py, _near_pyramid.
+// many of its children hold them (common_filter.glsl).  Reference implementation: model/reference/depth_filter.py, _near_pyramid.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rg32f, binding = 0) uniform writeonly image2D coarse;

@@ -1,6 +1,6 @@
 // Depth filter, level 0: the keep-mask and the filtered picture.  Four pixels an invocation, which share their neighbours and the
 // block above them: software OpenGL pays for each fetch.  Nine pixels are always few, and never clumped: points are not counted.
-// Reference implementation: model/depth_filter.py, _auto.
+// Reference implementation: model/reference/depth_filter.py, _auto.
 #include "common_filter.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;

@@ -1,6 +1,6 @@
 // The paper's depth filter, towards finer levels: each pixel is compared with its parent, and rejected ones are refilled
 // (PUBLISHED: as in the published code, else as in the paper's text).  At level 0 (BASE) it writes the keep-mask.
-// NPBG: one comparison with the nearest depth of the pixel's block.  Reference implementation: model/depth_filter.py, _parents.
+// NPBG: one comparison with the nearest depth of the pixel's block.  Reference implementation: model/reference/depth_filter.py, _parents.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D level;   // z; BASE: +inf where empty, else EMPTY

@@ -1,5 +1,5 @@
 // Depth filter, towards finer levels: the inverse depth below which a pixel of each block is hidden by the blocks around it, or by
-// those around a coarser block.  Reference implementation: model/depth_filter.py, _auto.
+// those around a coarser block.  Reference implementation: model/reference/depth_filter.py, _auto.
 #include "common_filter.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;

@@ -2,7 +2,7 @@
 // or 4x4 (BLOCKS 2) pixels, of each two consecutive neighbours at least one holds a point.  Elsewhere it depends on how many of the
 // cells around it are holes: transparent up to BACKGROUND_BELOW of KERNEL_SUM, then rising linearly.
 // A byte a pixel, a component for each 2x2 pixels.  The upper seven bits are the opacity; the lowest is set far inside a hole,
-// where all cells around are holes.  Reference implementation: model/hole_test.py.
+// where all cells around are holes.  Reference implementation: model/reference/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rgba32ui, binding = 0) uniform writeonly uimage2D holes;

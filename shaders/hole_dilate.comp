@@ -1,5 +1,5 @@
 // Hole test: dilation of the cells in which something is measured, by a number of cells on each side.
-// Reference implementation: model/hole_test.py.
+// Reference implementation: model/reference/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r8, binding = 0) uniform writeonly image2D wider;

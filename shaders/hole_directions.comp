@@ -1,5 +1,5 @@
 // Hole test, directions: in which of sixteen directions something is measured, at this distance or (unless FIRST) a nearer one.
-// Reference implementation: model/hole_test.py.
+// Reference implementation: model/reference/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r32ui, binding = 0) uniform uimage2D seen;  // a bit for each direction

@@ -1,7 +1,7 @@
 // Ray march: what the ray of each square of RAY_BLOCK pixels meets in the lattice of occupied blocks
-// (viewer/render/occupancy.py): nothing, occupied blocks (TOUCHED), or one in the middle of a surface (WITHIN).  An empty block
+// (viewer/render/culling/occupancy.py): nothing, occupied blocks (TOUCHED), or one in the middle of a surface (WITHIN).  An empty block
 // stores the distance to the nearest occupied one, in blocks, so that most of a ray is skipped in a few steps.
-// Reference implementation: model/ray_march.py.
+// Reference implementation: model/reference/ray_march.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r8ui, binding = 0) uniform writeonly uimage2D met;

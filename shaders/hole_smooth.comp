@@ -1,7 +1,7 @@
 // Weighted count of the cells around each cell that are holes: along rows first (ROWS), then along columns.
 // A cell is a hole where something is measured in every direction (AROUND).  Outdoors (MARCHED) its ray must also have touched
 // an occupied block; and it is a hole in any case where its ray met the middle of a surface.  All sums are integers.
-// Reference implementation: model/hole_test.py.
+// Reference implementation: model/reference/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r16f, binding = 0) uniform writeonly image2D smoothed;

@@ -1,5 +1,5 @@
 // Eye-dome lighting (Boucheny 2009): pixels behind their neighbours are darkened.
-// Reference implementation: viewer.tools.look.eye_dome.
+// Reference implementation: viewer.picture.look.eye_dome.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;

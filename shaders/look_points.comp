@@ -1,5 +1,5 @@
 // Points as discs of several pixels: each pixel takes the nearest point whose disc covers it.
-// Reference implementation: viewer.tools.look.enlarged.
+// Reference implementation: viewer.picture.look.enlarged.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;

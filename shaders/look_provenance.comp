@@ -1,5 +1,5 @@
 // Provenance tint: the picture's brightness in the colours of measured, repainted, filled and background pixels.
-// Reference implementation, to the byte: viewer/tools/provenance_tint.py.
+// Reference implementation, to the byte: viewer/picture/provenance_tint.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;

@@ -1,5 +1,5 @@
 // Exposure, white balance and brightness: one table of 256 levels a channel, on colours divided by their alpha.
-// Reference implementation, to the byte: viewer.tools.look.toned.
+// Reference implementation, to the byte: viewer.picture.look.toned.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;

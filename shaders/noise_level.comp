@@ -1,6 +1,6 @@
 // Noise level of each measured pixel, an input of the network: the standard deviation of its mean colour.
 // The noise of a single point, by place (the nearest voxel of a lattice) and brightness (a curve, linear between knots), is divided
-// by the square root of how many points were averaged.  0 where nothing is kept.  Reference implementation: model/noise_level.py.
+// by the square root of how many points were averaged.  0 where nothing is kept.  Reference implementation: model/reference/noise_level.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D raw;

@@ -12,7 +12,7 @@ layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
 uniform uint tally;  // index in the commands of the count of hidden cells
 uniform uint cell_count;
 
-// Three sides of a box, x lowest, as viewer/render/cull_kernels.py packs them.
+// Three sides of a box, x lowest, as viewer/render/culling/cull_kernels.py packs them.
 vec3 box_sides(uint code) {
     const uint mask = (1u << SHARE_BITS) - 1u;
     return vec3(code & mask, code >> SHARE_BITS & mask, code >> 2 * SHARE_BITS & mask);

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.common.errors import DeviceError
 
 # As every command does (viewer/cli.py): waiting threads of torch sleep.  Otherwise they take the processors from software
 # OpenGL.  One thread, also in what the tests start, where it is not set: small pictures gain nothing from more, and other tests
@@ -44,7 +44,7 @@ def own_cache(tmp_path_factory):
 def no_progress_lines():
     """Beside other work a command takes longer, and tests of what it says would find lines of its progress."""
     patch = pytest.MonkeyPatch()
-    patch.setattr("pointglass.viewer.progress._FIRST_LINE", float("inf"))
+    patch.setattr("pointglass.viewer.common.progress._FIRST_LINE", float("inf"))
     yield
     patch.undo()
 
@@ -80,7 +80,7 @@ def one_thread():
 
 @pytest.fixture(scope="session")
 def context():
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device.context import create_context
 
     try:
         made = create_context()

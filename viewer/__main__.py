@@ -3,8 +3,8 @@
 import gc
 from typing import NoReturn
 
-from ..model.common.signals import stop_at_once
-from .limited_memory import run_in_child_where_limited
+from ..model.common.process.signals import stop_at_once
+from .common.limited_memory import run_in_child_where_limited
 
 
 def main() -> NoReturn:
@@ -12,7 +12,7 @@ def main() -> NoReturn:
     run_in_child_where_limited()
     stop_at_once()  # before anything slow is imported
     gc.disable()  # a tenth of a start would go into collecting what imports make; viewer.cli turns it on again
-    from ..model.common.background_threads import leave
+    from ..model.common.process.background_threads import leave
     from .cli import main as run
 
     try:

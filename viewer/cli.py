@@ -15,16 +15,16 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
+from ..model.common.files.temporary import sweep_recorded
 from ..model.common.loop_cache import NOTICE
-from ..model.common.temporary import sweep_recorded
-from .command_log import logging_to
-from .commands import COMMANDS, make_parser
-from .errors import InputError
-from .failures import report, tell
-from .options import memory_of, settings_of
-from .progress import progress
-from .settings import Settings
-from .text import counted, escaped_output
+from .command_table import COMMANDS, make_parser
+from .commands.options import memory_of, settings_of
+from .common.command_log import logging_to
+from .common.errors import InputError
+from .common.failures import report, tell
+from .common.progress import progress
+from .common.text import counted, escaped_output
+from .picture.settings import Settings
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -32,12 +32,12 @@ def _view(options: argparse.Namespace) -> int:
         if not any(other.exists() for other in options.scans):
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
-        from .tools.project import check_projects
+        from .work.project import check_projects
 
         check_projects(options.scans, ask=True)  # refused before a window opens
     if options.scans:
         _preload()
-    from .window.run_window import run
+    from .window.shell.run_window import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
                memory=memory_of(options), columns=options.columns)
@@ -46,7 +46,8 @@ def _view(options: argparse.Namespace) -> int:
 def _preload() -> None:
     """Imports, on another thread, what the first picture needs, while this one opens the window and the driver makes a context.
 
-    scipy.ndimage is for views in the open (viewer.render.occupancy).  Errors come again, and are reported, where it is used.
+    scipy.ndimage is for views in the open (viewer.render.culling.occupancy).  Errors come again, and are reported, where it is
+    used.
     """
 
     def load() -> None:
@@ -58,14 +59,14 @@ def _preload() -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from .tools.demo import demo_camera, demo_pictures, demo_scan, has_display
+    from .commands.demo import demo_camera, demo_pictures, demo_scan, has_display
 
     settings = settings_of(options)
     if has_display():
-        from .window.run_window import run
+        from .window.shell.run_window import run
 
         return run([demo_scan()], settings, start=demo_camera())
-    from ..model.common.torch_process import prepare_inference
+    from ..model.common.process.torch_process import prepare_inference
 
     prepare_inference()
     files = demo_pictures(options.out, settings)
@@ -75,10 +76,10 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from .tools.camera_files import read_cameras
-    from .tools.export import export_pictures, parse_shard, parse_size
-    from .tools.ghosts import prepared
-    from .tools.shot_metadata import describe_shot, differences, read_shot
+    from .commands.render_pictures import export_pictures, parse_shard, parse_size
+    from .work.cameras.camera_files import read_cameras
+    from .work.ghosts import prepared
+    from .work.pictures.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
     background, exposures, shot = options.background, options.exposures, None
@@ -94,7 +95,7 @@ def _render(options: argparse.Namespace) -> int:
         cameras = cameras[part::parts]
     _check_weights(settings)
     from .grid.open_scene import open_scene
-    from .render.context import create_context
+    from .render.device.context import create_context
     from .render.renderer import Renderer
 
     context = create_context()
@@ -118,7 +119,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _video(options: argparse.Namespace) -> int:
-    from .tools.film.command import run
+    from .commands.film.command import run
 
     settings = settings_of(options)
     _check_weights(settings)
@@ -126,13 +127,13 @@ def _video(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    from .tools.exporting.command import run
+    from .commands.exporting.command import run
 
     return run(options)
 
 
 def _section(options: argparse.Namespace) -> int:
-    from .tools.section.command import run
+    from .commands.section.command import run
 
     return run(options)
 
@@ -140,8 +141,8 @@ def _section(options: argparse.Namespace) -> int:
 def _check_weights(settings: Settings) -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
-        from ..model.common.torch_process import prepare_inference
-        from ..model.reconstruct import fitting_weights
+        from ..model.common.process.torch_process import prepare_inference
+        from ..model.network.reconstruct import fitting_weights
 
         prepare_inference()
         own = Path(settings.weights) if settings.weights else None
@@ -149,11 +150,11 @@ def _check_weights(settings: Settings) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from .grid.info import describe, format_text
-    from .tools.project import is_project
+    from .commands.info import describe, format_text
+    from .work.project import is_project
 
     if any(map(is_project, options.scans)):
-        from .tools.open_project import project_facts
+        from .commands.open_project import project_facts
 
         facts = project_facts(options)
     else:
@@ -163,10 +164,10 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from .grid.convert import convert, convert_each
+    from .commands.convert import convert, convert_each
 
     if options.each or options.shard:
-        from .tools.export import parse_shard
+        from .commands.render_pictures import parse_shard
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
         made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
@@ -199,8 +200,8 @@ def _train(options: argparse.Namespace) -> int:
 
     if options.tune is not None:
         train_command.check(options)
-        from ..model.common.torch_process import prepare_training
-        from .tools.tuning.tune import tune
+        from ..model.common.process.torch_process import prepare_training
+        from .commands.tuning.tune import tune
 
         prepare_training()
         tune(options.tune, options.out, quality=options.quality, minutes=10.0 if options.minutes is None else options.minutes,
@@ -211,7 +212,7 @@ def _train(options: argparse.Namespace) -> int:
 
 def _evaluate(options: argparse.Namespace) -> int:
     from ..model.evaluation import command as evaluation_command
-    from .tools.heldout import evaluate_scan as withheld
+    from .commands.heldout import evaluate_scan as withheld
 
     scans = [path for path in options.data if withheld.is_scan(path)]
     if scans and len(scans) < len(options.data):

@@ -14,8 +14,8 @@ import tempfile
 from pathlib import Path
 from time import perf_counter
 
-from ..model.common.signals import cleaned
-from .errors import DeviceError
+from ..model.common.process.signals import cleaned
+from .common.errors import DeviceError
 
 
 def compile_kernels() -> str | None:
@@ -43,9 +43,9 @@ def compile_kernels() -> str | None:
 def _open_scans(folder: Path) -> None:
     import numpy as np
 
+    from .commands.demo import demo_scan
     from .grid.open_scene import open_scene
-    from .tools.demo import demo_scan
-    from .tools.standing_place import sample_scene, surroundings
+    from .work.places.standing_place import sample_scene, surroundings
 
     text = folder / "points.xyz"
     rng = np.random.default_rng(0)
@@ -56,14 +56,14 @@ def _open_scans(folder: Path) -> None:
 
 def _render_demo() -> None:
     """From the cache: every view of the first camera, then with level of detail and occlusion culling as a window has them."""
+    from .commands.demo import demo_scan
+    from .common.paths import assets_dir
     from .grid.open_scene import open_scene
-    from .paths import assets_dir
-    from .render.context import create_context
-    from .render.occlusion import Occlusion
+    from .picture.settings import VIEWS, Settings
+    from .render.culling.occlusion import Occlusion
+    from .render.device.context import create_context
     from .render.renderer import Renderer
-    from .settings import VIEWS, Settings
-    from .tools.camera_files import read_cameras
-    from .tools.demo import demo_scan
+    from .work.cameras.camera_files import read_cameras
 
     camera = read_cameras(assets_dir() / "demo_cameras.json", size=(320, 240))[0]
     context = create_context()

@@ -15,12 +15,12 @@ import textwrap
 from importlib import metadata
 from pathlib import Path
 
-from ..model.common.processors import usable_processors
+from ..model.common.process.processors import usable_processors
 from ..model.common.system import available_memory, total_memory
 from . import __version__
+from .common.paths import cache_dir, import_root
+from .common.text import counted
 from .doctor_probes import GB, PROBES, item
-from .paths import cache_dir, import_root
-from .text import counted
 
 LIBRARIES = (
     "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
@@ -130,7 +130,7 @@ def _loops() -> dict:
     """Where compiled loops are kept, and whether those of rendering are there: numba's index of one of them."""
     from ..model.common.loop_cache import kept_in
 
-    package = Path(__file__).resolve().parent / "render"
+    package = Path(__file__).resolve().parent / "render" / "raster"
     configured = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(configured) if configured else kept_in(package)
     if folder is None:

@@ -11,12 +11,12 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from .errors import PointglassError
+from .common.errors import PointglassError
 
 if TYPE_CHECKING:
     import moderngl
 
-    from .render.shader import Programs
+    from .render.device.shader import Programs
 
 STATUSES = ("ok", "warn", "fail", "skipped")
 GB = 1e9
@@ -32,7 +32,7 @@ def item(name: str, status: str, value: str, remedy: str = "") -> dict:
 def _probe_opengl() -> list[dict]:
     from moderngl import Error as OpenGLError
 
-    from .render.context import create_context, describe_device
+    from .render.device.context import create_context, describe_device
 
     remedy = "install the GPU's driver, or Mesa's software one: apt install libegl1 libgl1-mesa-dri"
     try:
@@ -62,7 +62,7 @@ def _probe_opengl() -> list[dict]:
 
 def _gpu_memory(context: "moderngl.Context") -> dict:
     """Free memory of the device that draws, what says so, and how much of it the points of a scan may take."""
-    from .render.gpu_memory import free_memory, point_budget
+    from .render.device.gpu_memory import free_memory, point_budget
 
     memory, (budget, source) = free_memory(context), point_budget(context)
     free = "unknown" if memory.free is None else f"{memory.free / GB:.1f} GB"
@@ -77,8 +77,8 @@ def compute_works(context: "moderngl.Context") -> bool:
     """Mixes random words in a compute pass and compares each with NumPy's."""
     import numpy as np
 
-    from .render.self_test import run_self_test
-    from .render.shader import Programs
+    from .render.device.self_test import run_self_test
+    from .render.device.shader import Programs
 
     programs = Programs(context)
     words = np.random.default_rng(0).integers(0, 2**32, _WORDS, np.uint32)
@@ -117,7 +117,7 @@ def _probe_window() -> list[dict]:
         return [item("window", "fail", f"{where}: a window with OpenGL 4.3 could not be made: {_last(problems)}",
                      "install the GPU's driver; macOS stops at OpenGL 4.1")]  # fmt: skip
     glfw.make_context_current(window)
-    from .render.context import create_context, describe_device
+    from .render.device.context import create_context, describe_device
 
     try:
         device = describe_device(create_context(headless=False))
@@ -135,8 +135,8 @@ def _last(problems: list[str]) -> str:
 def _probe_network() -> list[dict]:
     import torch
 
-    from ..model.reconstruct import cuda_problem, fast_precision
-    from ..model.weights_folder import shipped, weights_dir
+    from ..model.network.reconstruct import cuda_problem, fast_precision
+    from ..model.network.weights_folder import shipped, weights_dir
 
     problem = cuda_problem()
     precision = fast_precision("cpu")
@@ -160,12 +160,12 @@ def _probe_network() -> list[dict]:
 
 
 def _probe_interop() -> list[dict]:
-    from ..model.reconstruct import cuda_problem
+    from ..model.network.reconstruct import cuda_problem
 
     if problem := cuda_problem():
         return [item("interop", "skipped", f"OpenGL to CUDA: {problem}; frames are copied through memory")]
-    from .render.context import create_context
-    from .render.shader import Programs
+    from .render.device.context import create_context
+    from .render.device.shader import Programs
 
     try:
         context = create_context()
@@ -179,8 +179,8 @@ def interop_item(programs: "Programs") -> dict:
 
     Making a bridge runs the test: a pattern written by OpenGL, changed by torch, read by OpenGL.
     """
-    from .render.cuda_bridge import MAPPERS, CudaBridge
-    from .render.match_device import use_matching_device
+    from .render.device.match_device import use_matching_device
+    from .render.network.cuda_bridge import MAPPERS, CudaBridge
 
     matched = use_matching_device(programs.context)
     where = "" if matched.index is None else f"; {matched.how}"

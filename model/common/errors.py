@@ -14,3 +14,7 @@ class PointglassError(Exception):
 
     def __str__(self) -> str:
         return printable(super().__str__())
+
+
+class DataError(PointglassError):
+    """Data for training or evaluation that cannot be used; the message names the files and the remedy."""

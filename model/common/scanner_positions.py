@@ -14,7 +14,7 @@ def station_positions_of(positions: Iterable[Sequence[float] | None], most: int 
 
 
 def stations_differ(places: np.ndarray | None) -> bool:
-    """Whether view-dependent blending (:mod:`model.station_weights`) has an effect: two known positions differ."""
+    """Whether view-dependent blending (:mod:`model.reference.station_weights`) has an effect: two known positions differ."""
     if places is None:
         return False
     known = places[~np.isnan(places).any(axis=1)]

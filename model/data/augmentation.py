@@ -2,8 +2,8 @@
 
 Texture and lettering are added to points and truth alike: the network must keep them.  Disagreeing stations and noise of single
 points are added to the points only: the network must remove them.  Its noise input is the standard deviation as the viewer's
-estimate (:mod:`model.noise`) would give it: smoothed over space, wrong by a factor, sometimes too low, and somewhat too high on
-texture.
+estimate (:mod:`model.appearance.noise`) would give it: smoothed over space, wrong by a factor, sometimes too low, and somewhat
+too high on texture.
 
 Measured on real scans at 1280x960 (plant_room, studio): uniform patches of the filled picture vary by 2 to 8 levels around a
 local mean, with a kurtosis of 6 to 40 (normal distribution: 3), nearly equally in all channels; neighbouring pixels correlate
@@ -15,8 +15,8 @@ import torch
 import torch.nn.functional as F
 from scipy.ndimage import gaussian_filter
 
-from ..unet import LUMA
-from .lettering import lettering
+from ..network.unet import LUMA
+from .surfaces.lettering import lettering
 
 GRAIN_SHARE = 0.12
 """Share of the crops (here and below: of those without a neighbouring camera) with a fine texture.  All shares and ranges below
@@ -140,8 +140,8 @@ def augmented(measured: np.ndarray, truth: np.ndarray, rng: np.random.Generator,
     """Augments a crop in place and returns its noise estimate: (side, side) float32 standard deviation of a single point's
     colour.
 
-    measured: (6, side, side) of :func:`model.projection.measured_input`.  truth: (5, side, side).  Both float32, colours 0..1.
-    textures_only: adds neither noise nor disagreeing stations; the estimate is 0.
+    measured: (6, side, side) of :func:`model.reference.projection.measured_input`.  truth: (5, side, side).  Both float32,
+    colours 0..1.  textures_only: adds neither noise nor disagreeing stations; the estimate is 0.
     """
     side, kind = measured.shape[-1], rng.random()
     disagreement: np.ndarray | float = 0.0

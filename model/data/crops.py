@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..projection import MEASURED_CHANNELS, filled_input
+from ..common.errors import DataError
+from ..reference.projection import MEASURED_CHANNELS, filled_input
 from .augmentation import augmented
-from .dataset import DataError
 
 MARGIN = 32
 """Pixels around a crop that take part in filling, so that holes at its border are filled as in a full picture.  Chosen by

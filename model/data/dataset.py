@@ -10,8 +10,6 @@ from typing import Protocol
 
 import numpy as np
 
-from ..common.errors import PointglassError
-
 FAR = 1e9
 """Metres from the origin beyond which a coordinate is invalid.  Chosen by hand, beyond any projected coordinate on Earth."""
 MAX_FOCAL = 1e6
@@ -20,10 +18,6 @@ MIN_CROP = 32
 """Shortest side of a training crop, pixels: twice the 16 pixels to which the compact network pads a picture (four halvings),
 and the least for which augmentation has a texture."""
 _LONGEST_REASON = 300  # characters of a library's error in a message; chosen by hand
-
-
-class DataError(PointglassError):
-    """Data that cannot be used; the message names the files and the remedy."""
 
 
 def reason(error: Exception) -> str:

@@ -17,9 +17,9 @@ import torch
 from scipy.ndimage import grey_closing
 from torch import Tensor
 
-from ..depth_filter import keep_mask
-from ..projection import SoftZ
-from .projected import Projected
+from ..reference.depth_filter import keep_mask
+from ..reference.projection import SoftZ
+from .surfaces.projected import Projected
 
 HELD_OUT = 0.1
 """Share of the points that is withheld.  Pictures of the other nine tenths are nearly those of all points, and a view of

@@ -1,11 +1,11 @@
 """Training pairs: the renderer's measured picture from a pose, and the true picture from the same pose.
 
-Scans of a place are projected into its true views by :mod:`model.projection` at many densities, degraded as real scans are
-(different exposures, a missing station, patches without or with few points) and filtered.  Pairs are made once, before the
-training, and stored as memory-mapped arrays, so that drawing a crop is only a read.  Filling and noise are applied when a crop
-is drawn (:mod:`model.data.crops`) and are therefore not fixed in the pairs.
+Scans of a place are projected into its true views by :mod:`model.reference.projection` at many densities, degraded as real
+scans are (different exposures, a missing station, patches without or with few points) and filtered.  Pairs are made once,
+before the training, and stored as memory-mapped arrays, so that drawing a crop is only a read.  Filling and noise are applied
+when a crop is drawn (:mod:`model.data.crops`) and are therefore not fixed in the pairs.
 
-- ``measured.npy`` (P, 6, H, W) float16: see :func:`model.projection.measured_input`.
+- ``measured.npy`` (P, 6, H, W) float16: see :func:`model.reference.projection.measured_input`.
 - ``truth.npy`` (P, 5, H, W) uint8: colour, coverage, and 255 where the truth is valid.
 - ``neighbours.npy`` (P, 6, H, W) float16, with neighbours only: measured from a slightly moved camera.
 - ``flow.npy`` (P, 2, H, W) float16, with neighbours only: optical flow from each true pixel to that picture, pixels, NaN where
@@ -15,7 +15,7 @@ is drawn (:mod:`model.data.crops`) and are therefore not fixed in the pairs.
 
 Colours are of two kinds.  *Scanned*: as the stations recorded them, with exposures and gloss that differ from the truth by 16
 to 29 dB even without noise.  *Diffuse*: points in front have the truth's colours, so that pairs without noise really have
-none.  Photographic textures are painted on about half of the pairs of either kind (:mod:`model.data.painting`).
+none.  Photographic textures are painted on about half of the pairs of either kind (:mod:`model.data.surfaces.painting`).
 """
 
 import json
@@ -29,17 +29,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..common.temporary import temporary_folder
-from ..depth_filter import keep_mask
-from ..exposure import match_exposures
-from ..noise import NoiseModel
-from ..noise_level import seen_noise
-from ..projection import MEASURED_CHANNELS, measured_input
-from .dataset import DataError, Scan, TruePicture, TruePlace
-from .diffuse import diffuse
-from .downsample import reduced_colour, reduced_share
-from .painting import Painting, make_painting, paint_picture, painted
-from .projected import Projected, project_scan, raster_of, scan_spacing
+from ..appearance.exposure import match_exposures
+from ..appearance.noise import NoiseModel
+from ..common.errors import DataError
+from ..common.files.temporary import temporary_folder
+from ..reference.depth_filter import keep_mask
+from ..reference.projection import MEASURED_CHANNELS, measured_input
+from .dataset import Scan, TruePicture, TruePlace
+from .images.downsample import reduced_colour, reduced_share
+from .surfaces.diffuse import diffuse
+from .surfaces.painting import Painting, make_painting, paint_picture, painted
+from .surfaces.projected import Projected, project_scan, raster_of, scan_spacing, seen_noise
 
 MATCHED_SHARE = 0.7
 """Share of the scans with exposure compensation, as the viewer applies it.  This and the shares below were chosen by hand."""
@@ -205,8 +205,8 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
 
     preset: of the depth filter.  reduce: factor by which pictures are smaller, so that several points fall into a pixel;
     without such pairs the network blurs dense scans.  neighbours: also make neighbouring cameras.  textures: of
-    :func:`model.data.painting.load_textures`; photographed places are neither painted nor diffuse.  noise: of the scan, where
-    its points keep their own noise.
+    :func:`model.data.surfaces.painting.load_textures`; photographed places are neither painted nor diffuse.  noise: of the
+    scan, where its points keep their own noise.
     """
     rng = np.random.default_rng(seed)
     photographs = isinstance(place, PhotographedPlace)

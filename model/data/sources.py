@@ -7,7 +7,8 @@ with depth and poses (RGB-D), or subfolders with ``scene.json``.
 from collections.abc import Sequence
 from pathlib import Path
 
-from .dataset import DataError, TruePlace
+from ..common.errors import DataError
+from .dataset import TruePlace
 
 
 def open_places(folders: Sequence[Path]) -> list[TruePlace]:
@@ -23,11 +24,11 @@ def _open(folder: Path) -> list[TruePlace]:
 
         return [load_scene(folder)]
     if (folder / "splits").is_dir() and (folder / "data").is_dir():
-        from .scannetpp import load_scannetpp, scenes
+        from .images.scannetpp import load_scannetpp, scenes
 
         return [load_scannetpp(folder, scene) for scene in scenes(folder, "nvs_sem_train")]
     if any((folder / name).exists() for name in ("transforms.json", "groundtruth.txt", "pose")):
-        from .rgbd import load_rgbd
+        from .images.rgbd import load_rgbd
 
         return [load_rgbd(folder)]
     below = sorted(path.parent for path in folder.glob("*/scene.json"))

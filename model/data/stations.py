@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from ..common.errors import DataError
 from ..synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from ..synth.scanner import ScannerModel, VirtualScanner
-from .dataset import FAR, MAX_FOCAL, DataError, Scan, reason
-from .photos import wrong_pictures
+from .dataset import FAR, MAX_FOCAL, Scan, reason
+from .images.photos import wrong_pictures
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def names_of(files: Sequence[Path]) -> dict[str, Path]:
     """Unique name -> weights file: its stem, after the folder's name if stems repeat.  Raises DataError if two are equal."""
-    from ..data.dataset import DataError
+    from ..common.errors import DataError
 
     stems = [path.stem for path in files]
     names: dict[str, Path] = {}
@@ -65,8 +65,8 @@ def run(options: argparse.Namespace) -> int:
 
     JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
-    from ..data.dataset import DataError
-    from ..weights_folder import weights_dir
+    from ..common.errors import DataError
+    from ..network.weights_folder import weights_dir
     from .outside import parse_outside
     from .precision import precision_of_scene
     from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
@@ -110,7 +110,7 @@ _NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposur
 
 
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
-    from ..data.scannetpp import load_scannetpp, scenes
+    from ..data.images.scannetpp import load_scannetpp, scenes
     from ..data.sources import open_places
     from .paper_table import format_paper_table, paper_table
     from .report import save

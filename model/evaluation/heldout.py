@@ -20,11 +20,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
+from ..appearance.noise import NoiseModel
 from ..data.dataset import Scan, TruePicture
 from ..data.heldout import HELD_OUT, Targets, targets
-from ..data.projected import Projected, project_scan
-from ..noise import NoiseModel
-from ..unet import LUMA
+from ..data.surfaces.projected import Projected, project_scan
+from ..network.unet import LUMA
 from .labelled import picture_bytes
 from .methods import OURS, Method, ViewPoints, soft_z, view_points
 

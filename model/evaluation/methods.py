@@ -1,7 +1,7 @@
 """The compared reconstruction methods, with and without a network, from the same projected points.
 
 A :class:`ViewPoints` is the input of the methods: the points of one view at one density, averaged per pixel with equal weights,
-as published, and with view-dependent blending, as in the viewer (model/station_weights.py).  Masks and filled inputs
+as published, and with view-dependent blending, as in the viewer (model/reference/station_weights.py).  Masks and filled inputs
 are computed on first use and shared by all methods.
 """
 
@@ -16,19 +16,18 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..data.projected import Projected
-from ..depth_filter import keep_mask
-from ..noise import NoiseModel
-from ..noise_level import seen_noise
-from ..projection import Raster, SoftZ, network_input
-from ..unet import CompactUNet, mac_per_pixel
-from ..weights import load_weights
+from ..appearance.noise import NoiseModel
+from ..data.surfaces.projected import Projected, seen_noise
+from ..network.unet import CompactUNet, mac_per_pixel
+from ..network.weights import load_weights
+from ..reference.depth_filter import keep_mask
+from ..reference.projection import Raster, SoftZ, network_input
 from .open3d_points import POINT_SIZES, Open3DPoints
 
 PRESETS = {
     "no filter": "off", "paper's filter": "paper-code", "NPBG++'s visibility": "npbg++", "our filter": "auto",
 }
-"""Name of a mask in tables -> preset of :func:`model.depth_filter.keep_mask`."""
+"""Name of a mask in tables -> preset of :func:`model.reference.depth_filter.keep_mask`."""
 TRUE, OURS = "true visibility", "our filter"
 """Names of the masks from the true depth and of the viewer's depth filter."""
 WEIGHTED = f"pull-push, {OURS}, view-dependent blending"
@@ -55,8 +54,8 @@ class ViewPoints:
 
     seen: the points; raster: their averages per pixel, with equal weights; true_depth: (H, W) float32, None if unknown;
     spacing: of the thinned scan, file units; unlit: black points count as points without colour
-    (:class:`model.projection.SoftZ`); noise: noise model of the scan, an input of the network, None if unknown.  masks, inputs,
-    rasters: caches.
+    (:class:`model.reference.projection.SoftZ`); noise: noise model of the scan, an input of the network, None if unknown.
+    masks, inputs, rasters: caches.
 
     Masks depend on depth only; sights that differ only in colour may share them.
     """

@@ -13,7 +13,7 @@ import torch
 from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
-from ..data.dataset import DataError
+from ..common.errors import DataError
 from ..data.stations import RoomView
 
 NAMED = 10

@@ -20,17 +20,18 @@ import torch
 from PIL import Image
 from torch import Tensor, nn
 
+from ..common.errors import DataError
 from ..common.system import processor_name
-from ..data.dataset import DataError, MemoryPicture, Scan, TruePicture, TruePlace
-from ..data.photo_place import PhotoPlace
-from ..data.projected import Projected, project_scan, raster_of, scan_spacing
-from ..depth_filter import keep_mask
-from ..perceptual import SqueezeDistance
-from ..projection import SoftZ, network_input, pixels, rasterise
-from ..reconstruct import PRECISIONS, fast_precision
-from ..unet import CompactUNet
-from ..weights import load_weights
-from .metrics import WINDOW, masked_psnr, ssim
+from ..data.dataset import MemoryPicture, Scan, TruePicture, TruePlace
+from ..data.images.photo_place import PhotoPlace
+from ..data.surfaces.projected import Projected, project_scan, raster_of, scan_spacing
+from ..network.reconstruct import PRECISIONS, fast_precision
+from ..network.unet import CompactUNet
+from ..network.weights import load_weights
+from ..reference.depth_filter import keep_mask
+from ..reference.projection import SoftZ, network_input, pixels, rasterise
+from .metrics.image_metrics import WINDOW, masked_psnr, ssim
+from .metrics.perceptual import SqueezeDistance
 
 _log = logging.getLogger(__name__)
 

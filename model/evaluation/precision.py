@@ -1,4 +1,5 @@
-"""Comparison of the networks in half precision with fp32, with half-float input and output buffers (:mod:`model.reconstruct`).
+"""Comparison of the networks in half precision with fp32, with half-float input and output buffers
+(:mod:`model.network.reconstruct`).
 
 The same place is used in kilometres, metres and millimetres.  As depth and point spacing scale alike, the depth feature and the
 picture should not change.
@@ -12,11 +13,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ..data.projected import Projected, picture
-from ..reconstruct import PRECISIONS
-from ..unet import CompactUNet
-from ..weights import load_weights
-from .metrics import psnr
+from ..data.surfaces.projected import Projected, picture
+from ..network.reconstruct import PRECISIONS
+from ..network.unet import CompactUNet
+from ..network.weights import load_weights
+from .metrics.image_metrics import psnr
 
 SCALES = (1e-3, 1.0, 1e3)
 """File units per metre: kilometres, metres, millimetres."""
@@ -79,8 +80,8 @@ def precision_table(weights: Path, inputs: Sequence[PrecisionInput]) -> list[dic
 
 def precision_of_scene(folder: Path, weights: Sequence[Path], densities: Sequence[float], seed: int = 11) -> list[dict]:
     """:func:`precision_table` of each weights file on the first view of a scene, at each density and scale."""
-    from ..data.projected import project_scan, scan_spacing
     from ..data.stations import load_scene, scan_stations
+    from ..data.surfaces.projected import project_scan, scan_spacing
     from .methods import thinned
     from .room_scores import pick_views, truth_of
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..common.atomic_write import passes_through, write_atomic
-from ..data.dataset import DataError
+from ..common.errors import DataError
+from ..common.files.atomic_write import passes_through, write_atomic
 from .worse import format_summary
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")

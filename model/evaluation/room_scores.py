@@ -1,7 +1,8 @@
 """Evaluates all methods on a scene folder in the format of ``renders/``: its views at several densities, and its camera path.
 
 The scan is made once and projected once per view.  A density keeps the points of lowest rank; an exposure changes only their
-colours.  ``scanned``: colours as recorded; ``matched``: with exposure compensation (:mod:`model.exposure`), as in the viewer.
+colours.  ``scanned``: colours as recorded; ``matched``: with exposure compensation (:mod:`model.appearance.exposure`), as in
+the viewer.
 """
 
 import dataclasses
@@ -13,15 +14,12 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from ..data.dataset import DataError, Scan, TruePicture
-from ..data.projected import Projected, project_scan, scan_spacing
+from ..appearance.exposure import Exposures, exposures_of
+from ..appearance.noise import estimate_noise
+from ..common.errors import DataError
+from ..data.dataset import Scan, TruePicture
 from ..data.stations import RoomView, StationScene, load_scene, scan_stations
-from ..exposure import Exposures, exposures_of
-from ..noise import estimate_noise
-from ..perceptual import perceptual
-from .figures import Figures, Truth
-from .flicker import Key, measure_flicker, middle_stretch
-from .flip import ABSENT, flip_metric
+from ..data.surfaces.projected import Projected, project_scan, scan_spacing
 from .methods import (
     OURS,
     TRUE,
@@ -36,7 +34,11 @@ from .methods import (
     true_visibility,
     view_points,
 )
-from .metrics import WINDOW
+from .metrics.figures import Figures, Truth
+from .metrics.flicker import Key, measure_flicker, middle_stretch
+from .metrics.flip import ABSENT, flip_metric
+from .metrics.image_metrics import WINDOW
+from .metrics.perceptual import perceptual
 from .open3d_points import Open3DError, Open3DPoints
 from .outside import Outside, open_outside
 from .worse import Case, Worst, summary
@@ -63,7 +65,8 @@ def pick_views(scene: StationScene, count: int | None) -> list[RoomView]:
 
 
 def matched_colours(rgb: Tensor, station: Tensor, gains: np.ndarray) -> Tensor:
-    """(M, 3) uint8 with each station's gains (S, 3) applied, exactly as in :func:`model.exposure.match_exposures`."""
+    """(M, 3) uint8 with each station's gains (S, 3) applied, exactly as in
+    :func:`model.appearance.exposure.match_exposures`."""
     gain = torch.from_numpy(gains.astype(np.float32))[station.long()]
     return (rgb.float() * gain).round().clamp(0, 255).to(torch.uint8)
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from torch import Tensor
 
-from .figures import Figures
 from .labelled import labelled_row, picture_bytes
+from .metrics.figures import Figures
 
 METRICS = {"psnr": "PSNR", "ssim": "SSIM", "distance": "distance", "flip": "FLIP"}
 """Field of :class:`.figures.Figures` -> name in tables."""

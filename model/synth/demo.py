@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.atomic_write import write_atomic
-from ..common.folders import made_folder
+from ..common.errors import DataError
+from ..common.files.atomic_write import write_atomic
+from ..common.files.folders import made_folder
+from ..common.files.temporary import temporary_file
 from ..common.seeds import MAX_SEED
-from ..common.temporary import temporary_file
-from ..data.dataset import DataError
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..common.jit import compiled
-from ..common.processors import in_slices
-from ..common.signals import uninterrupted
+from ..common.process.processors import in_slices
+from ..common.process.signals import uninterrupted
 from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..common.jit import compiled
-from ..common.processors import in_slices
-from ..common.signals import uninterrupted
+from ..common.process.processors import in_slices
+from ..common.process.signals import uninterrupted
 from .hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)

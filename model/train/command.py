@@ -61,8 +61,8 @@ def run(options: argparse.Namespace) -> int:
 
     Raises DataError where data is missing, unreadable or does not fit, before anything is written.
     """
-    from ..common.torch_process import prepare_training
-    from ..data.dataset import DataError
+    from ..common.errors import DataError
+    from ..common.process.torch_process import prepare_training
 
     if options.out is None:
         raise DataError("--out DIR is missing: the folder for pairs, checkpoint and weights")
@@ -129,7 +129,7 @@ def check(options: argparse.Namespace) -> None:
 
     Prints the options that this mode ignores to standard error.
     """
-    from ..data.dataset import DataError
+    from ..common.errors import DataError
 
     mode = _mode(options)
     if mode and int(os.environ.get("WORLD_SIZE", 1)) > 1:
@@ -148,11 +148,11 @@ def check(options: argparse.Namespace) -> None:
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise DataError(f"--out {options.out}: is a file; give a folder")
     if options.textures is not None:
-        from ..data.painting import load_textures
+        from ..data.surfaces.painting import load_textures
 
         load_textures(options.textures)
     if options.perceptual is not None:
-        from ..perceptual import SQUEEZE_FILES
+        from ..evaluation.metrics.perceptual import SQUEEZE_FILES
 
         for name in SQUEEZE_FILES:
             if not (options.perceptual / name).is_file():
@@ -161,7 +161,7 @@ def check(options: argparse.Namespace) -> None:
     if options.start_from is not None and "start_from" not in _UNUSED_OPTIONS[mode]:
         _check_start(options.start_from, options.quality)
     if options.device == "cuda":
-        from ..reconstruct import cuda_problem
+        from ..network.reconstruct import cuda_problem
 
         if problem := cuda_problem():
             raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
@@ -172,9 +172,9 @@ def check(options: argparse.Namespace) -> None:
 
 def _check_start(path: Path, quality: str) -> None:
     """Raises DataError where a network of ``quality`` cannot start from the weights at ``path``."""
-    from ..data.dataset import DataError
-    from ..unet import make_network
-    from ..weights import WeightsError, load_weights
+    from ..common.errors import DataError
+    from ..network.unet import make_network
+    from ..network.weights import WeightsError, load_weights
     from .net2net import started_from
 
     try:
@@ -187,7 +187,7 @@ def _check_start(path: Path, quality: str) -> None:
 
 def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
     """Raises DataError where crops do not fit into a place's pictures at half resolution."""
-    from ..data.dataset import DataError
+    from ..common.errors import DataError
 
     for place in places:
         for least, view in ((min(view.width, view.height) // 2, view) for view in place.views):
@@ -227,9 +227,9 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     listed, manifest = options.out / f"{name}.txt", options.out / f"{name}.json"
     while not first and not _folders(listed):
         time.sleep(1.0)
-    from ..common.folders import made_folder, replace_text
-    from ..common.signals import undone
-    from ..data.dataset import DataError
+    from ..common.errors import DataError
+    from ..common.files.folders import made_folder, replace_text
+    from ..common.process.signals import undone
     from ..data.procedural import procedural_places
     from ..data.sources import open_places
     from .manifest import EARLIER, read_manifest, refuse_other
@@ -267,9 +267,9 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
 
 def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int,
            textures: Path | None) -> list[Path]:
-    from ..data.cutout import with_cut_outs
-    from ..data.painting import load_textures
     from ..data.pairs import build, by_size
+    from ..data.surfaces.cutout import with_cut_outs
+    from ..data.surfaces.painting import load_textures
 
     folders, paint = [], load_textures(textures) if textures is not None else []
     for number, alike in enumerate(by_size(places)):

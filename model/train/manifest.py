@@ -13,8 +13,8 @@ from typing import Any
 
 from torch import Tensor
 
-from ..data.dataset import DataError
-from ..weights import load_weights
+from ..common.errors import DataError
+from ..network.weights import load_weights
 
 Facts = dict[str, Any]
 

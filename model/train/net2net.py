@@ -7,7 +7,7 @@ convolutions start as the identity.  A network initialised so needs a fraction o
 import torch
 from torch import Tensor, nn
 
-from ..unet import CompactUNet
+from ..network.unet import CompactUNet
 
 
 def widen(small: CompactUNet, large: CompactUNet) -> CompactUNet:

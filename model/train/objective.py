@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ..data.crops import Batch
-from ..perceptual import Dissimilarity, perceptual
+from ..evaluation.metrics.perceptual import Dissimilarity, perceptual
 
 
 def warp(picture: Tensor, flow: Tensor) -> Tensor:

@@ -16,14 +16,15 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..common.folders import made_folder, replace_text
-from ..common.interrupts import run_in_worker, workers
-from ..common.processors import usable_processors, use_threads
-from ..common.signals import cleaned
+from ..common.errors import DataError
+from ..common.files.folders import made_folder, replace_text
+from ..common.process.interrupts import run_in_worker, workers
+from ..common.process.processors import usable_processors, use_threads
+from ..common.process.signals import cleaned
 from ..data.crops import PairFolder
-from ..data.dataset import MIN_CROP, DataError
+from ..data.dataset import MIN_CROP
 from ..data.procedural import procedural_place
-from ..weights_folder import weights_name
+from ..network.weights_folder import weights_name
 from .manifest import Facts, read_manifest, refuse_other, whereabouts
 from .trainer import TrainConfig, train
 
@@ -269,10 +270,10 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | 
     """Makes the pairs of a job, in a worker process.  Returns the job's name."""
     import torch
 
-    from ..data.cutout import with_cut_outs
-    from ..data.painting import load_textures
     from ..data.pairs import build, by_size
     from ..data.sources import open_places
+    from ..data.surfaces.cutout import with_cut_outs
+    from ..data.surfaces.painting import load_textures
 
     torch.set_num_threads(1)
     use_threads(1)

@@ -20,15 +20,15 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from ..common.atomic_write import write_atomic
-from ..common.folders import made_folder, replace_text
-from ..common.interrupts import finish_before_interrupt
+from ..common.errors import DataError
+from ..common.files.atomic_write import write_atomic
+from ..common.files.folders import made_folder, replace_text
+from ..common.process.interrupts import finish_before_interrupt
 from ..data.crops import Crops, Prefetcher
-from ..data.dataset import DataError
-from ..reconstruct import fast_precision
-from ..unet import make_network
-from ..weights import WeightsError, load_weights, save_weights
-from ..weights_folder import weights_name
+from ..network.reconstruct import fast_precision
+from ..network.unet import make_network
+from ..network.weights import WeightsError, load_weights, save_weights
+from ..network.weights_folder import weights_name
 from .manifest import EARLIER, Facts, pairs_facts, refuse_other, start_fact
 from .net2net import started_from
 from .objective import Objective

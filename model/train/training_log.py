@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from ..common.folders import replace_text
+from ..common.files.folders import replace_text
 
 EVERY = 50
 """Steps between log lines."""

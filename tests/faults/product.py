@@ -65,8 +65,8 @@ def make_product(folder: Path, points: int = POINTS) -> Product:
     from cloud_files import surface, write_las
     from rooms import make_room
 
-    from pointglass.viewer.camera import from_fov, look_at
-    from pointglass.viewer.tools.camera_files import write_camera_path
+    from pointglass.viewer.picture.camera import from_fov, look_at
+    from pointglass.viewer.work.cameras.camera_files import write_camera_path
 
     folder.mkdir(parents=True, exist_ok=True)
     made = Product(folder)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pointglass.viewer.camera import Camera, from_fov, look_at
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 
 
 def room(seed: int, points: int = 60_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.viewer.render.context import describe_device
-from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS, pictures_agree
+from pointglass.viewer.render.device.context import describe_device
+from pointglass.viewer.render.device.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS, pictures_agree
 
 HERE = Path(__file__).parent
 

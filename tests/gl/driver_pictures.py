@@ -17,15 +17,15 @@ import pytest
 from clouds import camera_in, room
 from test_stations import scanned
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.render import shader
-from pointglass.viewer.render.develop import Developer, read_picture
-from pointglass.viewer.render.edits import Edits
-from pointglass.viewer.render.occlusion import LAG, Occlusion
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.clip import box_around
+from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.settings import FILTERS, Settings
+from pointglass.viewer.render.culling.occlusion import LAG, Occlusion
+from pointglass.viewer.render.device import shader
+from pointglass.viewer.render.passes.develop import Developer, read_picture
+from pointglass.viewer.render.raster.edits import Edits
 from pointglass.viewer.render.renderer import RASTERISERS, Renderer
-from pointglass.viewer.settings import FILTERS, Settings
-from pointglass.viewer.tools.clip import box_around
-from pointglass.viewer.tools.look import Look
 
 SEED = 7
 SIZE, POINTS = (96, 72), 10_000
@@ -75,8 +75,8 @@ def sources(context, monkeypatch) -> dict[str, str]:
     """{complete text of a shader, includes and constants resolved: its file} of all that the program compiles, for software
     OpenGL and for a GPU."""
     from pointglass.viewer.doctor_probes import compute_works
-    from pointglass.viewer.render.bridge import ReadBackBridge, works
-    from pointglass.viewer.window.present import Canvas
+    from pointglass.viewer.render.network.bridge import ReadBackBridge, works
+    from pointglass.viewer.window.viewport.present import Canvas
 
     texts: dict[str, str] = {}
     source = shader.source
@@ -96,8 +96,8 @@ def sources(context, monkeypatch) -> dict[str, str]:
     for owned in (canvas, bridge, programs):
         owned.release()
     # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
-    from pointglass.model.soft_z import MAX_AVERAGED
-    from pointglass.model.station_constants import HEAVIEST, UNPLACED
+    from pointglass.model.reference.soft_z import MAX_AVERAGED
+    from pointglass.model.reference.station_constants import HEAVIEST, UNPLACED
 
     weights = {"WEIGHTED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED, "WIDE_SUMS": 1}
     noted("raster_colour.comp", {"LANES": 128, "ROWS": 8, "APPENDED": 1, **weights})
@@ -121,7 +121,7 @@ def look_like_a_gpu(monkeypatch) -> None:
 
 def named_pictures(context) -> dict[str, np.ndarray]:
     """What the file that the module's docstring describes holds, by name."""
-    from pointglass.viewer.render.context import describe_device
+    from pointglass.viewer.render.device.context import describe_device
 
     device = describe_device(context)
     made: dict[str, np.ndarray] = {"renderer": np.array(f"{device.renderer}, OpenGL {device.version}")}
@@ -140,7 +140,7 @@ def named_pictures(context) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device.context import create_context
 
     if "--gpu" in sys.argv:
         look_like_a_gpu(pytest.MonkeyPatch())

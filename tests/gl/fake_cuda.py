@@ -232,7 +232,7 @@ def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = 
                         "current_device": lambda: 0, "device_count": lambda: 4, "set_device": lambda index: None,
                         "get_device_properties": lambda index: types.SimpleNamespace(name=f"GPU {index}")}.items():
         monkeypatch.setattr(torch.cuda, name, value)
-    monkeypatch.setattr("pointglass.viewer.render.cuda_bridge.as_tensor", host_tensor)
+    monkeypatch.setattr("pointglass.viewer.render.network.cuda_bridge.as_tensor", host_tensor)
 
 
 def host_tensor(pointer: int, shape: tuple[int, ...]) -> torch.Tensor:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from clouds import room
 
-from pointglass.viewer.render.points import PointPages
-from pointglass.viewer.render.shader import BATCH
+from pointglass.viewer.render.device.shader import BATCH
+from pointglass.viewer.render.raster.points import PointPages
 
 POINTS = 512  # a chunk, here
 CHUNK_BYTES = POINTS * 12

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from pointglass.model.depth_filter import keep_mask
-from pointglass.model.hole_test import coverage
-from pointglass.model.noise_level import pixel_noise
-from pointglass.model.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
-from pointglass.model.ray_march import march, rays_of, sparse_depth
-from pointglass.model.station_weights import station_weights
-from pointglass.viewer.render.cull import Culler
-from pointglass.viewer.render.enclosed_directions import OPEN, Directions, Enclosure, cell_of
-from pointglass.viewer.render.stations import ScannerPositions, uses_station_weights
+from pointglass.model.reference.depth_filter import keep_mask
+from pointglass.model.reference.hole_test import coverage
+from pointglass.model.reference.noise_level import pixel_noise
+from pointglass.model.reference.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from pointglass.model.reference.ray_march import march, rays_of, sparse_depth
+from pointglass.model.reference.station_weights import station_weights
+from pointglass.viewer.render.culling.cull import Culler
+from pointglass.viewer.render.culling.enclosed_directions import OPEN, Directions, Enclosure, cell_of
+from pointglass.viewer.render.raster.stations import ScannerPositions, uses_station_weights
 
 
 @dataclass
@@ -48,7 +48,7 @@ def directions(scene, camera) -> np.ndarray:
 
 
 def reference_frame(scene, camera, settings, *, metre=1.0) -> ReferenceFrame:
-    """Renders with ``model.projection`` in float32.  All points of the draw list, in any order."""
+    """Renders with ``model.reference.projection`` in float32.  All points of the draw list, in any order."""
     draw = Culler(scene).select(camera, settings.lod)
     take = np.repeat(draw.first - np.concatenate([[0], np.cumsum(draw.count)[:-1]]), draw.count) + np.arange(draw.points)
     cells = torch.from_numpy(np.repeat(draw.slot, draw.count))

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 from paged import CHUNK_BYTES, CHUNKS, LIMIT, POINTS, SCENE, on_disk
 
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render import renderer as module
-from pointglass.viewer.render.points import PointPages
+from pointglass.viewer.render.raster.points import PointPages
 from pointglass.viewer.render.renderer import RASTERISERS, Renderer
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

@@ -5,11 +5,11 @@ import pytest
 from clouds import room
 from test_fill import without_roof
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.render import fill
-from pointglass.viewer.render.enclosed_directions import OPEN, SEALED
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.culling.enclosed_directions import OPEN, SEALED
+from pointglass.viewer.render.passes import fill
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 INSIDE = look_at((1.0, 1.0, 1.2), (3.0, 2.5, 1.0))

@@ -8,15 +8,15 @@ import pytest
 import torch
 from clouds import room
 
-from pointglass.model.hole_test import far_inside
-from pointglass.model.reconstruct import Reconstructor
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.model.network.reconstruct import Reconstructor
+from pointglass.model.reference.hole_test import far_inside
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.render import neural
-from pointglass.viewer.render.bridge import ReadBackBridge
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.network import neural
+from pointglass.viewer.render.network.bridge import ReadBackBridge
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import Programs
-from pointglass.viewer.settings import Settings
 
 
 @pytest.fixture

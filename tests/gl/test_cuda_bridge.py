@@ -10,14 +10,14 @@ import pytest
 import torch
 from fake_cuda import Driver, RecordingContext, Status, core_module, install, runtime_module
 
-from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.model.network.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.viewer.common.errors import DeviceError
 from pointglass.viewer.doctor_probes import interop_item
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render.bridge import ReadBackBridge, works
-from pointglass.viewer.render.choose_bridge import make_bridge
-from pointglass.viewer.render.context import unshared
-from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
-from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.render.device.context import unshared
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.network.bridge import ReadBackBridge, works
+from pointglass.viewer.render.network.choose_bridge import make_bridge
+from pointglass.viewer.render.network.cuda_bridge import MAPPERS, CudaBridge
 
 pytestmark = pytest.mark.gl
 

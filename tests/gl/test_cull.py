@@ -11,14 +11,14 @@ from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pointglass.viewer.camera import Camera, look_at
 from pointglass.viewer.grid.cell_boxes import SHARES, WHOLE
 from pointglass.viewer.grid.density_layers import morton_order
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.projected_coverage import SQUARES, UNKNOWN
 from pointglass.viewer.grid.scene import Scene, unpack
-from pointglass.viewer.render.batches import BatchTable, PageMap
-from pointglass.viewer.render.cull import Culler
+from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.render.culling.cull import Culler
+from pointglass.viewer.render.raster.batches import BatchTable, PageMap
 
 SCENE = room(5, 20_000)
 CULLER = Culler(SCENE)

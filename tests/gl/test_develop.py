@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pointglass.viewer.render.develop import Developer, needs
-from pointglass.viewer.render.shader import Programs
-from pointglass.viewer.tools.look import EDL_GAIN, Look, enlarged, eye_dome, tone_curves, toned
-from pointglass.viewer.tools.provenance import provenance
-from pointglass.viewer.tools.provenance_tint import COLOURS, FULLY_REPAINTED, locked, repainted_by, shares, tinted
+from pointglass.viewer.picture.look import EDL_GAIN, Look, enlarged, eye_dome, tone_curves, toned
+from pointglass.viewer.picture.provenance import provenance
+from pointglass.viewer.picture.provenance_tint import COLOURS, FULLY_REPAINTED, locked, repainted_by, shares, tinted
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.passes.develop import Developer, needs
 
 
 def picture(random, height: int, width: int, holes: float = 0.4) -> np.ndarray:

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from clouds import camera_in, room
 
-from pointglass.viewer.camera import from_fov, look_at
 from pointglass.viewer.grid.marked_points import MarkedPoints
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.render.edits import Edits, dimmed, ends_of
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.clip import Box, Slab, contains, normals, vector
+from pointglass.viewer.picture.look import Look, category_colours, levels, ramp_colours
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.raster.edits import Edits, dimmed, ends_of
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import Programs
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.clip import Box, Slab, contains, normals, vector
-from pointglass.viewer.tools.look import Look, category_colours, levels, ramp_colours
 
 VIEWS = ("raw", "filtered")
 

@@ -8,19 +8,19 @@ from clouds import camera_in, room
 from reference import directions, looked_up, rays_met, reference_frame
 from test_stations import scanned
 
-from pointglass.model.hole_test import OPACITY_LEVELS, coverage, far_inside
-from pointglass.model.network_layout import BACKGROUND, CLOSED, PACKED_IN
-from pointglass.model.projection import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
-from pointglass.model.pull_push import pull_push
-from pointglass.viewer.camera import Camera, look_at
+from pointglass.model.network.network_layout import BACKGROUND, CLOSED, PACKED_IN
+from pointglass.model.reference.hole_test import OPACITY_LEVELS, coverage, far_inside
+from pointglass.model.reference.projection import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
+from pointglass.model.reference.pull_push import pull_push
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.render.enclosed_directions import OPEN, SEALED, SIDE, Directions
-from pointglass.viewer.render.fill import Fill
-from pointglass.viewer.render.occupancy import Occupancy, codes_of
+from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.culling.enclosed_directions import OPEN, SEALED, SIDE, Directions
+from pointglass.viewer.render.culling.occupancy import Occupancy, codes_of
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.passes.fill import Fill
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import Programs
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 FEW = 2e-4

@@ -7,15 +7,15 @@ import pytest
 from clouds import before_slats, camera_in, room, slats
 from reference import reference_frame
 
-from pointglass.model import depth_filter
+from pointglass.model.reference import depth_filter
 from pointglass.viewer.bench.stability.point_claims import mean_level
-from pointglass.viewer.camera import Camera
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.render import raster_compute
-from pointglass.viewer.render.context import describe_device
-from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+from pointglass.viewer.picture.camera import Camera
+from pointglass.viewer.picture.settings import FILTERS, SOFT_Z, Settings
+from pointglass.viewer.render.device.context import describe_device
+from pointglass.viewer.render.device.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+from pointglass.viewer.render.raster import raster_compute
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import FILTERS, SOFT_Z, Settings
 
 pytestmark = pytest.mark.gl
 ALL = ("raw", "filtered", "filled")
@@ -35,7 +35,7 @@ def drawn(context):
 def assert_agrees(frame, reference):
     """Depth to the bit; colour and mask exact; the filled picture to the rounding of one level.
 
-    On a GPU within the tolerance stated in viewer/render/device_class.py; and a confidence or a tone between two steps.
+    On a GPU within the tolerance stated in viewer/render/device/device_class.py; and a confidence or a tone between two steps.
     """
     wrong = frame.depth() != reference.raster.depth.numpy()
     colour = reference.raster.colour.permute(1, 2, 0).numpy()
@@ -256,7 +256,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, software):
     limited = 16 + 16 * 160 * 17  # 17 rows of colour sums
     small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited, "software": software})
     small.pages.release()
-    from pointglass.viewer.render.points import PointPages
+    from pointglass.viewer.render.raster.points import PointPages
 
     small.pages = PointPages(context, scene, limited)
     try:

@@ -30,13 +30,13 @@ def worked():
     return sum(sum(map(int, (task / "stat").read_text().rsplit(")", 1)[1].split()[11:13])) for task in theirs)
 
 
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.grid.density_layers import morton_order
 from pointglass.viewer.grid.scene import Scene
-from pointglass.viewer.render.context import create_context
-from pointglass.viewer.render.occlusion import Occlusion
+from pointglass.viewer.render.device.context import create_context
+from pointglass.viewer.render.culling.occlusion import Occlusion
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 rng = np.random.default_rng(int(sys.argv[1]))
 coords = np.stack(np.meshgrid(np.arange(128), np.arange(128), np.arange(2)), axis=-1).reshape(-1, 3).astype(np.int32)

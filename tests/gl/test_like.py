@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from pointglass.viewer import cli
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.altered_pictures import joined, shot_picture
-from pointglass.viewer.tools.camera_files import write_camera_path
-from pointglass.viewer.tools.clip import Box
-from pointglass.viewer.tools.document import Alterations
-from pointglass.viewer.tools.files import write_png
-from pointglass.viewer.tools.look import Look
-from pointglass.viewer.tools.shot_metadata import KEY, describe_shot, read_shot
+from pointglass.viewer.common.files import write_png
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.cameras.camera_files import write_camera_path
+from pointglass.viewer.work.document import Alterations
+from pointglass.viewer.work.pictures.altered_pictures import joined, shot_picture
+from pointglass.viewer.work.pictures.shot_metadata import KEY, describe_shot, read_shot
 
 
 @pytest.mark.parametrize("view", ["raw", "filled"])
@@ -50,7 +50,7 @@ ALTERED = {
 def test_a_picture_of_a_project_says_what_was_done_to_it_and_is_drawn_again(tmp_path, what, other, capsys):
     """As F12 saves it: alterations and comparisons are in the metadata, and `render --like` applies them."""
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
 
     scan = scan_of(tmp_path, 7)

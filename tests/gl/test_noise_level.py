@@ -9,11 +9,11 @@ from clouds import camera_in, room
 from reference import reference_frame
 from test_stations import scanned
 
-from pointglass.model.noise import KNOTS, NoiseModel
-from pointglass.model.noise_level import pixel_noise
-from pointglass.model.projection import NOISE_SCALE, averaging
+from pointglass.model.appearance.noise import KNOTS, NoiseModel
+from pointglass.model.reference.noise_level import pixel_noise
+from pointglass.model.reference.projection import NOISE_SCALE, averaging
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
 
 AT_EDGES = 2e-3
 """Share of the pixels whose place lies on the border of two voxels, which float32 gives to either."""

@@ -1,6 +1,7 @@
 """Occlusion in two phases: what history leaves out is not missed, whatever happens between two frames.
 
-A floor of furnished rooms, few pixels: walls hide most of it from everywhere.  Wrong pixels as in viewer.bench.occlusion_walk.
+A floor of furnished rooms, few pixels: walls hide most of it from everywhere.  Wrong pixels as in
+viewer.bench.cases.occlusion_walk.
 """
 
 from types import SimpleNamespace
@@ -10,18 +11,18 @@ import pytest
 import torch
 from clouds import room
 
-from pointglass.model import depth_filter
-from pointglass.model.projection import SoftZ
-from pointglass.model.pyramid import parents
-from pointglass.viewer.bench.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
+from pointglass.model.reference import depth_filter
+from pointglass.model.reference.projection import SoftZ
+from pointglass.model.reference.pyramid import parents
+from pointglass.viewer.bench.cases.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
 from pointglass.viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
-from pointglass.viewer.camera import Camera, from_fov, look_at
 from pointglass.viewer.grid.cell_boxes import SHARES
-from pointglass.viewer.render.cull import Culler
-from pointglass.viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
+from pointglass.viewer.picture.camera import Camera, from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.culling.cull import Culler
+from pointglass.viewer.render.culling.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
+from pointglass.viewer.render.device.shader import BATCH
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import BATCH
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 
@@ -330,8 +331,9 @@ def test_a_view_of_nothing_and_back(floor):
 
 def test_several_pages_and_many_batches(context, floor, monkeypatch):
     """Storage blocks that hold a tenth of the scene: a list a page, and more batches than one row of workgroups."""
-    from pointglass.viewer.render import occlusion, raster_compute
-    from pointglass.viewer.render.points import PointPages
+    from pointglass.viewer.render.culling import occlusion
+    from pointglass.viewer.render.raster import raster_compute
+    from pointglass.viewer.render.raster.points import PointPages
 
     limit = max(16 * SIZE[0] * SIZE[1], floor.scene.count * 12 // 10)
     for module in (occlusion, raster_compute):

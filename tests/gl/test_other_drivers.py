@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from driver_pictures import named_pictures
 
-from pointglass.viewer.render.context import describe_device
+from pointglass.viewer.render.device.context import describe_device
 
 pytestmark = pytest.mark.gl
 

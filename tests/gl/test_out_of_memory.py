@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 from clouds import camera_in, room
 
-from pointglass.viewer.errors import DeviceError, DeviceLostError
+from pointglass.viewer.common.errors import DeviceError, DeviceLostError
 from pointglass.viewer.grid.scene import CHUNK
+from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.render import renderer as module
-from pointglass.viewer.render.device_failure import DeviceMemoryError
-from pointglass.viewer.render.fill import Fill
+from pointglass.viewer.render.device.device_failure import DeviceMemoryError
+from pointglass.viewer.render.passes.fill import Fill
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Memory, Settings
 
 pytestmark = pytest.mark.gl
 

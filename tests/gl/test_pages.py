@@ -21,9 +21,9 @@ from paged import (
     within_budget,
 )
 
-from pointglass.viewer.errors import DeviceError, InputError
-from pointglass.viewer.render.points import LEAST_SLOTS, PointPages
-from pointglass.viewer.render.shader import BATCH
+from pointglass.viewer.common.errors import DeviceError, InputError
+from pointglass.viewer.render.device.shader import BATCH
+from pointglass.viewer.render.raster.points import LEAST_SLOTS, PointPages
 
 pytestmark = pytest.mark.gl
 

@@ -9,13 +9,13 @@ import pytest
 from clouds import camera_in
 from paged import CHUNK_BYTES, CHUNKS, POINTS, SCENE, draw_list, drawn, expected, on_disk, pages_of, plain_batches
 
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render.batches import PageMap
-from pointglass.viewer.render.points import PointPages
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.shader import BATCH
+from pointglass.viewer.render.raster.batches import PageMap
+from pointglass.viewer.render.raster.points import PointPages
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import BATCH
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.window.viewport import Viewport
+from pointglass.viewer.window.viewport.viewport import Viewport
 
 pytestmark = pytest.mark.gl
 
@@ -179,7 +179,7 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
 
 def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch):
     """Neither beside it nor in its place: what was shown is made again, and nothing that is shown is gone."""
-    from pointglass.viewer.settings import Memory
+    from pointglass.viewer.picture.settings import Memory
 
     painted = SimpleNamespace(dirty=False, adaptive_lod=SimpleNamespace(target_ms=0.0))
     said: list[tuple] = []
@@ -211,8 +211,8 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
 
 def test_the_room_of_the_scan_before_is_for_the_next_one(context, monkeypatch):
     """A device with memory for one of them: the second is uploaded beside the first, with what is left, and then alone."""
+    from pointglass.viewer.picture.settings import Memory
     from pointglass.viewer.render import renderer as module
-    from pointglass.viewer.settings import Memory
 
     held: list[int] = []
     said: list[str] = []

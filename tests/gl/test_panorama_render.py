@@ -3,11 +3,11 @@
 import numpy as np
 from clouds import room
 
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.commands.film.equirectangular import Panorama
+from pointglass.viewer.commands.film.frames import FrameMaker
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.film.equirectangular import Panorama
-from pointglass.viewer.tools.film.frames import FrameMaker
 
 WIDTH = 512
 

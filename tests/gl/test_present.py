@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.render.shader import Programs
-from pointglass.viewer.tools.background import COLOURS, composite
-from pointglass.viewer.window.present import Canvas
+from pointglass.viewer.picture.background import COLOURS, composite
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.window.viewport.present import Canvas
 
 pytestmark = pytest.mark.gl
 

@@ -18,11 +18,11 @@ import pointglass
 from pointglass.viewer.cli import main
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.interface.pictures import as_picture
+from pointglass.viewer.picture.background import as_saved
+from pointglass.viewer.picture.provenance import provenance
+from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Memory, Settings
-from pointglass.viewer.tools.background import as_saved
-from pointglass.viewer.tools.provenance import provenance
-from pointglass.viewer.tools.shot_metadata import read_shot
+from pointglass.viewer.work.pictures.shot_metadata import read_shot
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from cloud_files import write_ply
@@ -93,7 +93,7 @@ def test_a_context_that_cannot_be_had_is_said_and_asked_for_again(monkeypatch):
     scene = room(1, 20_000)
     with pointglass.Scan(scene, "room", Memory()) as scan:
         with monkeypatch.context() as patch:
-            patch.setattr("pointglass.viewer.render.context.create_context", refuse)
+            patch.setattr("pointglass.viewer.render.device.context.create_context", refuse)
             with pytest.raises(pointglass.DeviceError, match=r"^OpenGL 4\.3"):
                 scan.render(camera_in(scene, 1, (16, 16)), view="raw")
         assert scan.render(camera_in(scene, 1, (16, 16)), view="raw").shape == (16, 16, 4)

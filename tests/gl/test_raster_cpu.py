@@ -10,15 +10,15 @@ from clouds import before_slats, camera_in, room, slats
 from test_edits import of_two_stations, random_clips
 from test_stations import scanned
 
-from pointglass.model.common import processors
 from pointglass.model.common.atomics import atomic_add, atomic_max
 from pointglass.model.common.jit import compiled
-from pointglass.viewer.render import raster_cpu
-from pointglass.viewer.render.context import describe_device
-from pointglass.viewer.render.edits import Edits
-from pointglass.viewer.render.raster_cpu import mapped
-from pointglass.viewer.settings import SOFT_Z, Settings
-from pointglass.viewer.tools.look import COLOUR_BY, Look
+from pointglass.model.common.process import processors
+from pointglass.viewer.picture.look import COLOUR_BY, Look
+from pointglass.viewer.picture.settings import SOFT_Z, Settings
+from pointglass.viewer.render.device.context import describe_device
+from pointglass.viewer.render.raster import raster_cpu
+from pointglass.viewer.render.raster.edits import Edits
+from pointglass.viewer.render.raster.raster_cpu import mapped
 
 pytestmark = pytest.mark.gl
 VIEWS = ("raw", "filled")

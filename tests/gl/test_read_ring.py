@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render import read_ring
-from pointglass.viewer.render.read_ring import PlainRing, ReadRing
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.render.device import read_ring
+from pointglass.viewer.render.device.read_ring import PlainRing, ReadRing
 
 pytestmark = pytest.mark.gl
 SLOTS = 3

@@ -12,8 +12,8 @@ from test_frame import ALL, assert_agrees
 
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "golden"))
 from eight_views import cameras

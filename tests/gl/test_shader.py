@@ -2,8 +2,8 @@
 
 import pytest
 
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render import shader
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.render.device import shader
 
 pytestmark = pytest.mark.gl
 

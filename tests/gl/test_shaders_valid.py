@@ -1,6 +1,6 @@
 """Every shader, complete with its includes and constants, against the reference compiler and the limits of the standard.
 
-The text is the one the program gives to the driver (viewer.render.shader.source), collected while every program runs.
+The text is the one the program gives to the driver (viewer.render.device.shader.source), collected while every program runs.
 """
 
 import os
@@ -17,11 +17,11 @@ import pytest
 from clouds import camera_in, room
 from driver_pictures import sources
 
-from pointglass.viewer.paths import shaders_dir
+from pointglass.viewer.common.paths import shaders_dir
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render import renderer as module
+from pointglass.viewer.render.device.shader import BINDINGS, EXTENDED_VERSION
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import BINDINGS, EXTENDED_VERSION
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

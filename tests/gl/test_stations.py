@@ -6,10 +6,10 @@ from clouds import camera_in, room
 from reference import reference_frame
 from test_frame import ALL, assert_agrees
 
-from pointglass.model.projection import MAX_AVERAGED
+from pointglass.model.reference.projection import MAX_AVERAGED
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.settings import FILTERS, Settings
+from pointglass.viewer.picture.settings import FILTERS, Settings
 
 pytestmark = pytest.mark.gl
 
@@ -82,7 +82,7 @@ def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed
     scene = scanned(seed)
     camera, settings = camera_in(scene, seed), Settings(raster="compute")
     whole = [renderer_of(scene).render(camera, settings, views=ALL).image(v) for v in ALL]
-    from pointglass.viewer.render import raster_shader
+    from pointglass.viewer.render.raster import raster_shader
 
     monkeypatch.setattr(raster_shader, "_CARRY_BYTES", 1 << 16)  # a band is a few rows
     renderer = renderer_of(scene)
@@ -99,7 +99,7 @@ def test_a_colour_comes_from_the_station_that_stood_where_the_eye_is(renderer_of
     places = np.array([(-3.0, -3.0, 0.0), (3.0, -3.0, 0.0)])
     scans = [{"name": str(k), "count": int((scan == k).sum()), "position": place.tolist()} for k, place in enumerate(places)]
     renderer = renderer_of(scene_from_arrays(wall, rgb, scan=scan, meta={"scans": scans}))
-    from pointglass.viewer.camera import from_fov, look_at
+    from pointglass.viewer.picture.camera import from_fov, look_at
 
     for number, place in enumerate(places):
         camera = from_fov(160, 120, 40, look_at(place, np.zeros(3)))
@@ -123,7 +123,7 @@ def test_heavy_sums_are_carried(renderer_of, kind):
     scan = (np.arange(2 * count) % 2).astype(np.uint8)
     scans = [{"name": str(k), "count": count, "position": [0.5 * k, 0.0, 0.0]} for k in range(2)]
     scene = scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
-    from pointglass.viewer.camera import Camera
+    from pointglass.viewer.picture.camera import Camera
 
     pose = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
     camera = Camera(5, 3, 5.0, 5.0, 2.5, 1.5, pose)

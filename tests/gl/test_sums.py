@@ -5,11 +5,11 @@ import pytest
 from clouds import room
 
 from pointglass.model.common.linear_light import TO_SRGB
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.render import shader
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device import shader
+from pointglass.viewer.render.device.shader import BINDINGS
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.render.shader import BINDINGS
-from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 SIZE = (64, 40)

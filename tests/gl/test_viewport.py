@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.bench.procedural_scan import EYE, ProceduralScan, procedural_scene
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.picture.background import COLOURS, composite
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.render import renderer as module
-from pointglass.viewer.render.occlusion import LAG, HiddenCells
-from pointglass.viewer.settings import Memory, Settings
-from pointglass.viewer.tools.background import COLOURS, composite
-from pointglass.viewer.tools.picture_spec import PictureSpec
-from pointglass.viewer.window.picture_plan import Plan
-from pointglass.viewer.window.viewport import Viewport
-from pointglass.viewer.window.work import Work
+from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
+from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.window.viewport.picture_plan import Plan
+from pointglass.viewer.window.viewport.viewport import Viewport
+from pointglass.viewer.work.pictures.picture_spec import PictureSpec
 
 pytestmark = pytest.mark.gl
 

@@ -8,7 +8,7 @@ The scans are beside the checkout (../shared/data/scans) and are never committed
 import sys
 from pathlib import Path
 
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.picture.camera import from_fov, look_at
 
 SCANS = Path(__file__).resolve().parents[3] / "shared" / "data" / "scans"
 SIZE = (960, 720)
@@ -33,12 +33,12 @@ def cameras() -> dict[str, list]:
 
 
 def main(out: Path) -> None:
+    from pointglass.viewer.commands.demo import contact_sheet
+    from pointglass.viewer.common.files import write_png
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.picture.settings import VIEWS, Settings
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import VIEWS, Settings
-    from pointglass.viewer.tools.demo import contact_sheet
-    from pointglass.viewer.tools.files import write_png
 
     out.mkdir(parents=True, exist_ok=True)
     context = create_context()

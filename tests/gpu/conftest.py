@@ -3,8 +3,8 @@
 import pytest
 from needs import absent
 
-from pointglass.model.reconstruct import cuda_problem
-from pointglass.viewer.errors import DeviceError
+from pointglass.model.network.reconstruct import cuda_problem
+from pointglass.viewer.common.errors import DeviceError
 
 
 @pytest.fixture(scope="session")
@@ -17,8 +17,8 @@ def cuda():
 @pytest.fixture(scope="session")
 def programs(cuda):
     """Programs of an OpenGL context on the GPU that CUDA uses."""
-    from pointglass.viewer.render.context import create_context, describe_device
-    from pointglass.viewer.render.shader import Programs
+    from pointglass.viewer.render.device.context import create_context, describe_device
+    from pointglass.viewer.render.device.shader import Programs
 
     try:
         context = create_context()

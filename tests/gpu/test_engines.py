@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.engines import Runner
-from pointglass.model.network_layout import CLOSED, PACKED_IN
-from pointglass.model.reconstruct import Reconstructor
+from pointglass.model.network.engines import Runner
+from pointglass.model.network.network_layout import CLOSED, PACKED_IN
+from pointglass.model.network.reconstruct import Reconstructor
 
 pytestmark = pytest.mark.gpu
 

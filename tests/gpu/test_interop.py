@@ -9,15 +9,15 @@ import pytest
 import torch
 from needs import absent
 
-from pointglass.model.engines import Runner
-from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
-from pointglass.model.reconstruct import Reconstructor
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render import neural
-from pointglass.viewer.render.bridge import Bridge, ReadBackBridge, works
-from pointglass.viewer.render.choose_bridge import make_bridge
-from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
-from pointglass.viewer.render.shader import Programs
+from pointglass.model.network.engines import Runner
+from pointglass.model.network.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.model.network.reconstruct import Reconstructor
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.network import neural
+from pointglass.viewer.render.network.bridge import Bridge, ReadBackBridge, works
+from pointglass.viewer.render.network.choose_bridge import make_bridge
+from pointglass.viewer.render.network.cuda_bridge import MAPPERS, CudaBridge
 
 pytestmark = pytest.mark.gpu
 
@@ -129,15 +129,15 @@ def test_two_bridges_at_once(programs):
 def room(points: int = 300_000):
     """A procedural room and a camera in it."""
     from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from pointglass.viewer.tools.viewpoints import named_views
+    from pointglass.viewer.work.places.viewpoints import named_views
 
     scene = procedural_scene(ProceduralScan(points))
     return scene, named_views(scene, (320, 240))[0]
 
 
 def test_pictures_are_equal_to_read_back_ones_at_changing_sizes(programs, monkeypatch):
+    from pointglass.viewer.picture.settings import Settings
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
 
     scene, camera = room()
     settings = Settings(device="cuda", quality="fast")
@@ -161,8 +161,8 @@ def test_pictures_are_equal_to_read_back_ones_at_changing_sizes(programs, monkey
 def test_what_a_frame_is_said_to_take_is_what_passes(programs):
     from time import perf_counter
 
+    from pointglass.viewer.picture.settings import Settings
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
 
     scene, camera = room()
     renderer = Renderer(programs.context, scene, raster="compute")
@@ -195,10 +195,10 @@ import os
 import sys
 
 import torch
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render.context import create_context
-from pointglass.viewer.render.neural import NeuralStage
-from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.render.device.context import create_context
+from pointglass.viewer.render.network.neural import NeuralStage
+from pointglass.viewer.render.device.shader import Programs
 
 programs = Programs(create_context())
 stage = NeuralStage(programs, (64, 48), "fast", True, None, "auto", "cuda")

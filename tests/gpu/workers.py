@@ -36,10 +36,10 @@ def projected(plan: Plan, _work: Path) -> dict:
 
     from pointglass.viewer.bench.bench_input import machine
     from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.viewpoints import named_views
+    from pointglass.viewer.work.places.viewpoints import named_views
 
     scan = ProceduralScan(plan.many)
     scene = procedural_scene(scan)
@@ -101,12 +101,12 @@ def _networks(plan: Plan) -> list[dict]:
     """A row for each network, size and engine."""
     import torch
 
-    from pointglass.model.common.torch_process import prepare_inference
-    from pointglass.model.engines import ENGINES, Runner
-    from pointglass.model.network_layout import PACKED_IN
-    from pointglass.model.reconstruct import Reconstructor
-    from pointglass.model.unet import mac_per_pixel, make_network
-    from pointglass.model.weights_folder import shipped, weights_name
+    from pointglass.model.common.process.torch_process import prepare_inference
+    from pointglass.model.network.engines import ENGINES, Runner
+    from pointglass.model.network.network_layout import PACKED_IN
+    from pointglass.model.network.reconstruct import Reconstructor
+    from pointglass.model.network.unet import mac_per_pixel, make_network
+    from pointglass.model.network.weights_folder import shipped, weights_name
 
     prepare_inference()
     on_gpu, begun = plan.device == "cuda", time.perf_counter()
@@ -153,7 +153,7 @@ class _Through:
         self.device = device
 
     def __call__(self, packed):
-        from pointglass.model.network_layout import PACKED_OUT
+        from pointglass.model.network.network_layout import PACKED_OUT
 
         return packed[..., :PACKED_OUT]
 
@@ -162,10 +162,10 @@ def _bridges(plan: Plan) -> list[dict]:
     """A row for each kind of bridge and size."""
     import torch
 
-    from pointglass.viewer.render.bridge import ReadBackBridge
-    from pointglass.viewer.render.context import create_context
-    from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
-    from pointglass.viewer.render.shader import Programs
+    from pointglass.viewer.render.device.context import create_context
+    from pointglass.viewer.render.device.shader import Programs
+    from pointglass.viewer.render.network.bridge import ReadBackBridge
+    from pointglass.viewer.render.network.cuda_bridge import MAPPERS, CudaBridge
 
     on_gpu = plan.device == "cuda"
     programs, rows = Programs(create_context()), []
@@ -199,12 +199,12 @@ def workgroups(plan: Plan, work: Path) -> dict:
     from statistics import median
 
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.choose_raster import make_rasteriser
-    from pointglass.viewer.render.context import create_context
-    from pointglass.viewer.render.device_class import WORKGROUPS
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.device.context import create_context
+    from pointglass.viewer.render.device.device_class import WORKGROUPS
+    from pointglass.viewer.render.raster.choose_raster import make_rasteriser
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.viewpoints import named_views
+    from pointglass.viewer.work.places.viewpoints import named_views
 
     context, scene = create_context(), open_scene([work / "scan"])
     renderer = Renderer(context, scene, raster="compute", device="cpu")
@@ -242,11 +242,11 @@ def growth(plan: Plan, work: Path) -> dict:
     import torch
 
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.render.context import create_context
-    from pointglass.viewer.render.occlusion import Occlusion
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.culling.occlusion import Occlusion
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.viewpoints import camera_path
+    from pointglass.viewer.work.places.viewpoints import camera_path
 
     context, scene = create_context(), open_scene([work / "scan"])
     renderer = Renderer(context, scene, device=plan.device)
@@ -283,11 +283,11 @@ def agreement(plan: Plan, work: Path) -> dict:
 
     from pointglass.viewer.bench.float64_reference import reference_frame
     from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from pointglass.viewer.render.context import create_context
-    from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.device.context import create_context
+    from pointglass.viewer.render.device.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.viewpoints import named_views
+    from pointglass.viewer.work.places.viewpoints import named_views
 
     scene = procedural_scene(ProceduralScan(min(plan.points, 2_000_000)))
     context = create_context()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pointglass.viewer.errors import InputError, PointglassError
+from pointglass.viewer.common.errors import InputError, PointglassError
 
 LONGEST_LINE = 2000
 """Characters of a message; viewer.cli shortens what is longer than 1500."""
@@ -89,8 +89,8 @@ def _check_chunk(chunk) -> None:
 
 
 def _photographs(path: Path) -> None:
-    from pointglass.viewer.readers.e57_images import read_photographs
-    from pointglass.viewer.readers.e57_photographs import read_station_photos
+    from pointglass.viewer.readers.e57.e57_images import read_photographs
+    from pointglass.viewer.readers.e57.e57_photographs import read_station_photos
 
     for read in (read_station_photos, read_photographs):
         for line in read(path, longest=64)[1]:
@@ -100,8 +100,8 @@ def _photographs(path: Path) -> None:
 
 def _grid(path: Path, depth: int) -> None:
     from pointglass.viewer.grid import cache
-    from pointglass.viewer.grid.file_records import FileRecords
     from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.grid.records.file_records import FileRecords
     from pointglass.viewer.grid.scene import CHUNK
     from pointglass.viewer.stream.chunk_source import ChunkSource
 
@@ -123,8 +123,8 @@ def _grid(path: Path, depth: int) -> None:
 
 
 def _cameras(path: Path, depth: int) -> None:
-    from pointglass.viewer.tools.camera_files import read_cameras
-    from pointglass.viewer.tools.film.command import read_path
+    from pointglass.viewer.commands.film.command import read_path
+    from pointglass.viewer.work.cameras.camera_files import read_cameras
 
     for camera in read_cameras(path, size=(64, 48) if depth % 3 == 0 else None):
         _check_name(camera.name)
@@ -141,8 +141,8 @@ def _check_name(name: str) -> None:
 
 
 def _like(path: Path, depth: int) -> None:
-    from pointglass.viewer.file_names import safe_name
-    from pointglass.viewer.tools.shot_metadata import camera_line, parse_camera_line, read_shot
+    from pointglass.viewer.common.file_names import safe_name
+    from pointglass.viewer.work.pictures.shot_metadata import camera_line, parse_camera_line, read_shot
 
     shot = read_shot(path)
     _check_name(safe_name(shot.camera.name, "picture"))
@@ -151,7 +151,7 @@ def _like(path: Path, depth: int) -> None:
 
 
 def _project(path: Path, depth: int) -> None:
-    from pointglass.viewer.tools.project import read_project, scans_of
+    from pointglass.viewer.work.project import read_project, scans_of
 
     if depth % 4 == 0:
         _command("info", "--no-cache", str(path))
@@ -160,13 +160,13 @@ def _project(path: Path, depth: int) -> None:
 
 
 def _preferences(path: Path, depth: int) -> None:
-    from pointglass.viewer.window.preferences import read_preferences
+    from pointglass.viewer.window.session.preferences import read_preferences
 
     _in_state_folder(path, read_preferences)
 
 
 def _recent(path: Path, depth: int) -> None:
-    from pointglass.viewer.window import recent
+    from pointglass.viewer.window.session import recent
 
     def run() -> None:
         for scan in recent.recent_scans():
@@ -193,19 +193,19 @@ def _in_state_folder(path: Path, run: Callable[[], object]) -> None:
 
 
 def _unsaved(path: Path, depth: int) -> None:
-    from pointglass.viewer.window.autosave import read_unsaved
+    from pointglass.viewer.window.session.autosave import read_unsaved
 
     read_unsaved(path)
 
 
 def _film(path: Path, depth: int) -> None:
-    from pointglass.viewer.tools.film import encode
+    from pointglass.viewer.commands.film import encode
 
     encode._read(path)
 
 
 def _weights(path: Path, depth: int) -> None:
-    from pointglass.model.weights import load_weights
+    from pointglass.model.network.weights import load_weights
 
     load_weights(path)
 
@@ -217,7 +217,7 @@ def _room(path: Path, depth: int) -> None:
 
 
 def _rgbd(path: Path, depth: int) -> None:
-    from pointglass.model.data.rgbd import load_rgbd
+    from pointglass.model.data.images.rgbd import load_rgbd
 
     load_rgbd(path)
 

@@ -19,7 +19,7 @@ from .seed import Seed, files_of
 
 
 def grid(folder: Path) -> None:
-    from pointglass.viewer.grid.convert import convert
+    from pointglass.viewer.commands.convert import convert
 
     os.environ["POINTGLASS_CACHE"] = str(folder / "unused")
     scan = write_ply(folder / "floor.ply", *surface(60))
@@ -64,8 +64,8 @@ def cameras(folder: Path) -> dict[str, Seed]:
 
 
 def _png(text: str, size: tuple[int, int] = (5, 4)) -> bytes:
-    from pointglass.viewer.tools.files import write_png
-    from pointglass.viewer.tools.shot_metadata import KEY
+    from pointglass.viewer.common.files import write_png
+    from pointglass.viewer.work.pictures.shot_metadata import KEY
 
     with tempfile.TemporaryDirectory() as folder:
         write_png(Path(folder) / "a.png", np.zeros((*size, 3), np.uint8), {KEY: text})
@@ -76,9 +76,9 @@ def window_files() -> list[Seed]:
     from documents import random_document
     from test_shot_metadata import shot
 
-    from pointglass.viewer.tools.project import write_project
-    from pointglass.viewer.window.autosave import UnsavedWork
-    from pointglass.viewer.window.preferences import Preferences
+    from pointglass.viewer.window.session.autosave import UnsavedWork
+    from pointglass.viewer.window.session.preferences import Preferences
+    from pointglass.viewer.work.project import write_project
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.pointglass"
@@ -87,8 +87,8 @@ def window_files() -> list[Seed]:
         project = path.read_bytes()
         unsaved = UnsavedWork(document, "", "", "floor", 5.0).text().replace(folder, "/scans").encode()
         scan = write_ply(path.with_name("floor.ply"), *surface(60)).read_bytes()
-    from pointglass.viewer.tools.document import Alterations
-    from pointglass.viewer.tools.look import Look
+    from pointglass.viewer.picture.look import Look
+    from pointglass.viewer.work.document import Alterations
 
     plain = shot()
     altered = replace(plain, alterations=Alterations(look=Look(point_size=2)), other_view="raw", split_at=0.4)
@@ -114,8 +114,8 @@ def weights(folder: Path) -> Seed:
     """The smallest network."""
     import torch
 
-    from pointglass.model.unet import make_network
-    from pointglass.model.weights import save_weights
+    from pointglass.model.network.unet import make_network
+    from pointglass.model.network.weights import save_weights
 
     torch.manual_seed(0)
     save_weights(folder / "fast.safetensors", make_network("fast"), "fast", filtered=True)

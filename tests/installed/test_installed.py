@@ -20,7 +20,7 @@ from PIL import Image
 from product import ROOT, build_wheel
 
 import pointglass
-from pointglass.viewer.commands import COMMANDS
+from pointglass.viewer.command_table import COMMANDS
 
 CAMERAS = ROOT / "assets" / "demo_cameras.json"
 DEMO = "import pointglass; print(pointglass.demo_scan())"

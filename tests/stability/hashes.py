@@ -16,7 +16,7 @@ from pointglass.viewer.bench.stability.frame_claims import Renderers, arrays_of,
 from pointglass.viewer.bench.stability.scenes import axis_camera, placed, view_inside
 from pointglass.viewer.bench.stability.station_claims import lit, scene_of, standing
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.settings import FILTERS, SOFT_Z, Settings
+from pointglass.viewer.picture.settings import FILTERS, SOFT_Z, Settings
 
 FILE = Path(__file__).with_name("hashes.json")
 PLACES = ((11, 1.0, 0.0), (12, 1e-3, 1e5), (13, 1e3, 1e7))  # seed, scale, distance of the origin
@@ -49,7 +49,7 @@ def hashes_of(renderers: Renderers) -> dict[str, str]:
 
 def main() -> int:
     """Writes this renderer's hashes into the file and says what changed."""
-    from pointglass.viewer.render.context import create_context, describe_device
+    from pointglass.viewer.render.device.context import create_context, describe_device
 
     context = create_context()
     name, made = describe_device(context).renderer, hashes_of(Renderers(context))

@@ -7,8 +7,8 @@ import pytest
 from hashes import FILE, hashes_of
 
 from pointglass.viewer.bench.stability import point_claims
-from pointglass.viewer.render.context import create_context, describe_device
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.context import create_context, describe_device
 
 pytestmark = pytest.mark.gl
 

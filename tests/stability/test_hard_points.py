@@ -6,7 +6,7 @@ import pytest
 from pointglass.viewer.bench.stability import point_claims
 from pointglass.viewer.bench.stability.scenes import axis_camera, walls
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 pytestmark = pytest.mark.gl
 

@@ -8,10 +8,10 @@ from test_frame import assert_agrees
 
 from pointglass.viewer.bench.stability import frame_claims
 from pointglass.viewer.bench.stability.scenes import axis_camera, placed, view_inside, walls
-from pointglass.viewer.camera import MAX_SIDE, Camera, from_fov
-from pointglass.viewer.errors import DeviceError, InputError
+from pointglass.viewer.common.errors import DeviceError, InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.camera import MAX_SIDE, Camera, from_fov
+from pointglass.viewer.picture.settings import Settings
 
 pytestmark = pytest.mark.gl
 PRIMES = [5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 53, 67, 89, 127]

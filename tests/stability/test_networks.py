@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.reconstruct import PRECISIONS, Reconstructor
-from pointglass.model.weights_folder import shipped
+from pointglass.model.network.reconstruct import PRECISIONS, Reconstructor
+from pointglass.model.network.weights_folder import shipped
 from pointglass.viewer.bench.stability.network_claims import PRECISION_LIMITS, masks, network_rows, scaled
 
 SIZE = (56, 40)

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pointglass.viewer.camera import Camera, from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import read_cameras, write_camera_path
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import Camera, from_fov, look_at
+from pointglass.viewer.work.cameras.camera_files import read_cameras, write_camera_path
 
 seeds = st.integers(0, 2**32 - 1)
 sides = st.integers(1, 4000)

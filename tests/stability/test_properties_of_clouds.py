@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pointglass.viewer.bench.stability.scenes import direction, walls
-from pointglass.viewer.camera import Camera, look_at
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.density_layers import layer_count, layer_sizes, morton_order
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.render.cull import Culler
+from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.render.culling.cull import Culler
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from test_properties_of_cameras import random_rotation
 
 from pointglass.model.data.dataset import MemoryPicture
-from pointglass.model.depth_filter import LEVELS, keep_mask
-from pointglass.model.evaluation.flicker import reprojection
-from pointglass.model.hole_test import opaque_pixels
-from pointglass.model.projection import depth_feature
-from pointglass.model.pull_push import pull_push
-from pointglass.model.pyramid import RING, bilinear, clamped, half, parents, quads, shifted
+from pointglass.model.evaluation.metrics.flicker import reprojection
+from pointglass.model.reference.depth_filter import LEVELS, keep_mask
+from pointglass.model.reference.hole_test import opaque_pixels
+from pointglass.model.reference.projection import depth_feature
+from pointglass.model.reference.pull_push import pull_push
+from pointglass.model.reference.pyramid import RING, bilinear, clamped, half, parents, quads, shifted
 
 seeds = st.integers(0, 2**32 - 1)
 sides = st.integers(1, 40)

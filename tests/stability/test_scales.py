@@ -6,7 +6,7 @@ import pytest
 from pointglass.viewer.bench.stability import frame_claims
 from pointglass.viewer.bench.stability.exact_claims import depth_faults
 from pointglass.viewer.bench.stability.scenes import panels, walls
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 pytestmark = pytest.mark.gl

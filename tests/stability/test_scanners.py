@@ -5,7 +5,7 @@ import pytest
 
 from pointglass.viewer.bench.stability import station_claims
 from pointglass.viewer.bench.stability.scenes import view_inside
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 pytestmark = pytest.mark.gl
 SIZE = (160, 120)

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from pointglass.viewer.camera import look_at
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.clip import Box, Slab, vector
-from pointglass.viewer.tools.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
-from pointglass.viewer.tools.look import COLOUR_BY, RAMPS, Look
-from pointglass.viewer.tools.measure import KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.picture.camera import look_at
+from pointglass.viewer.picture.clip import Box, Slab, vector
+from pointglass.viewer.picture.look import COLOUR_BY, RAMPS, Look
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
+from pointglass.viewer.work.measure import KINDS, MeasuredPoint, Measurement
 
 
 def random_view(random, name: str) -> Viewpoint:

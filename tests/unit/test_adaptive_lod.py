@@ -3,7 +3,7 @@
 import pytest
 from window_session import finish, session, stats
 
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 
 def test_a_slow_network_flies_filled_and_repaints_at_rest():

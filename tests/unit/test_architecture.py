@@ -1,7 +1,7 @@
 """Rules of the layout that no single module can keep: directions of imports, no circles, names, sizes.
 
-Imports are read from the source, by its syntax tree: those at module level and those inside functions alike.  Imports under
-``if TYPE_CHECKING:`` are left out, because they do not exist at run time; annotations may name classes of any module.
+Imports are read from the source, by its syntax tree: those at module level, those inside functions and those under
+``if TYPE_CHECKING:`` alike.  Only circles are searched among the imports that exist at run time.
 """
 
 import ast
@@ -16,10 +16,17 @@ LONGER: dict[str, str] = {
     "viewer/render/renderer.py": "the order of a frame's passes, read from top to bottom",
 }
 """Modules longer than MOST_LINES, each with its reason."""
+MOST_MODULES = 16
+ORDER = {
+    "viewer": ["common", "picture", "readers", "preprocess", "grid", "stream", "render", "work", "commands", "window", "bench",
+               "interface"],
+    "model": ["common", "appearance", "network", "reference", "synth", "data", "evaluation", "train"],
+}
+"""The rooms, in the order in which data flows: each imports only from those before it."""
 SAME_NAME: dict[str, str] = {
     "__init__": "packages",
     "command": "the command line's part of a folder: training, evaluation, film, export, section",
-    "demo": "the demo scan is made by model/synth and shown by viewer/tools",
+    "demo": "the demo scan is made by model/synth and shown by viewer/commands",
     "errors": "the base class in model/common, and the viewer's classes",
     "heldout": "held-out points as data, and their judging",
     "hole_test": "the reference implementation in model/, the pass in viewer/render/",
@@ -46,15 +53,16 @@ def is_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
 
 
-def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool = True) -> set[str]:
-    """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports.
+def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool = True, types: bool = False) -> set[str]:
+    """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports, with ``types`` also
+    those of annotations.
 
     package: dotted name of the package that the module is in, from which relative imports count; "" is the checkout.
     """
     found: set[str] = set()
 
     def visit(node: ast.AST) -> None:
-        if is_type_checking(node):
+        if not types and is_type_checking(node):
             assert isinstance(node, ast.If)
             for child in node.orelse:
                 visit(child)
@@ -77,6 +85,8 @@ def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool 
 TREES = {name: ast.parse(file.read_text("utf-8")) for name, file in SOURCES.items()}
 PACKAGES = {name: name if SOURCES[name].name == "__init__.py" else name.rpartition(".")[0] for name in SOURCES}
 IMPORTS = {name: imports_of(tree, set(SOURCES), package=PACKAGES[name]) - {name} for name, tree in TREES.items()}
+EVERY_IMPORT = {name: imports_of(tree, set(SOURCES), package=PACKAGES[name], types=True) - {name}
+                for name, tree in TREES.items()}
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -116,6 +126,7 @@ def test_the_reading_of_imports_sees_what_it_should():
     early = {"model.a", "viewer.b", "viewer.c", "viewer.room.e", "model.real"}
     assert imports_of(tree, known, package="viewer.room") == early | {"model.lazy"}
     assert imports_of(tree, known, package="viewer.room", lazy=False) == early
+    assert imports_of(tree, known, package="viewer.room", types=True) == early | {"model.lazy", "model.typed"}
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [["b", "c"]]
 
 
@@ -135,24 +146,44 @@ def inside(name: str, folder: str) -> bool:
     return name == folder or name.startswith(f"{folder}.")
 
 
+def room_of(name: str) -> str:
+    """The room of a module: the first folder below viewer/ or model/; "" for a module beside the rooms."""
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 and parts[1] in ORDER.get(parts[0], ()) else ""
+
+
+@pytest.mark.parametrize("top", ["viewer", "model"])
+def test_imports_point_one_way(top):
+    """From a room to those before it in ORDER, in annotations too."""
+    order = ORDER[top]
+    place = {name: order.index(room_of(name)) if room_of(name) else len(order)
+             for name in EVERY_IMPORT if inside(name, top) and name != top}
+    wrong = [f"{name} imports {other}" for name in place for other in sorted(EVERY_IMPORT[name] & set(place))
+             if place[other] > place[name]]
+    assert wrong == []
+
+
 @pytest.mark.parametrize(("importer", "imported"), [
     ("model", "viewer"),
     ("model", "pointglass"),
     ("viewer", "pointglass"),
-    ("viewer.readers", "viewer.grid"),
-    ("viewer.readers", "viewer.render"),
-    ("viewer.preprocess", "viewer.render"),
-    ("viewer.grid", "viewer.render"),
-    ("viewer.stream", "viewer.render"),
-    ("viewer.render", "viewer.window"),
-    ("viewer.tools", "viewer.window"),
-    ("viewer.tools", "viewer.bench"),
-    ("viewer.window", "viewer.bench"),
+    ("viewer.interface", "viewer.window"),
 ])  # fmt: skip
-def test_imports_point_one_way(importer, imported):
+def test_these_do_not_know_those(importer, imported):
     wrong = {name: sorted(other for other in others if inside(other, imported))
-             for name, others in IMPORTS.items() if inside(name, importer)}
+             for name, others in EVERY_IMPORT.items() if inside(name, importer)}
     assert {name: others for name, others in wrong.items() if others} == {}
+
+
+def test_every_folder_is_a_room_of_the_order():
+    for top, order in ORDER.items():
+        folders = {file.parent.relative_to(ROOT / top).parts[0] for file in ROOT.glob(f"{top}/*/**/*.py")}
+        assert folders == set(order)
+
+
+def test_folders_are_small():
+    count = Counter(file.parent.relative_to(ROOT) for file in SOURCES.values() if file.name != "__init__.py")
+    assert {str(folder): modules for folder, modules in count.items() if modules > MOST_MODULES} == {}
 
 
 def test_nothing_imports_the_command_line():

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from window_session import Clock
 
-from pointglass.viewer.camera import Camera
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.tools.approach import approach
-from pointglass.viewer.tools.up_axis import upright_axes
-from pointglass.viewer.window.flight import REST, Flight
-from pointglass.viewer.window.glide import Glide
-from pointglass.viewer.window.navigation import PITCH_LIMIT, FlyState
-from pointglass.viewer.window.orbit import ORBIT, ZOOM_STEP, orbited, panned, zoomed
+from pointglass.viewer.picture.camera import Camera
+from pointglass.viewer.window.flight.flight import REST, Flight
+from pointglass.viewer.window.flight.glide import Glide
+from pointglass.viewer.window.flight.navigation import PITCH_LIMIT, FlyState
+from pointglass.viewer.window.flight.orbit import ORBIT, ZOOM_STEP, orbited, panned, zoomed
+from pointglass.viewer.work.places.approach import approach
+from pointglass.viewer.work.places.up_axis import upright_axes
 
 
 def random_state(rng) -> FlyState:

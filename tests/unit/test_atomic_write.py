@@ -7,8 +7,8 @@ import threading
 
 import pytest
 
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.model.common.folders import made_folder
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.model.common.files.folders import made_folder
 
 
 def test_an_existing_file_stays_until_the_new_one_is_complete(tmp_path):
@@ -51,7 +51,7 @@ def test_standard_output_is_appended_to(tmp_path, to_a_file):
     """To a pipe, and to a file that a shell opened, which is not replaced."""
     code = """
 from pathlib import Path
-from pointglass.model.common.atomic_write import passes_through, write_atomic
+from pointglass.model.common.files.atomic_write import passes_through, write_atomic
 print("table")
 assert passes_through(Path("/dev/stdout"))
 write_atomic(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from pointglass.model.data.crops import Crops
-from pointglass.model.data.lettering import covered, lettering
-from pointglass.model.projection import NOISE_SCALE
+from pointglass.model.data.surfaces.lettering import covered, lettering
+from pointglass.model.reference.projection import NOISE_SCALE
 
 KINDS = ("GRAIN", "LETTERING", "SPECKLE")
 

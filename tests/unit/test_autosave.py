@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from work_window import BOX, TAPE, Window, work_window  # noqa: F401  (a fixture)
 
-from pointglass.viewer.tools.document import Document
-from pointglass.viewer.tools.project import read_project
-from pointglass.viewer.window import autosave as module
-from pointglass.viewer.window.autosave import Autosave, UnsavedWork, read_unsaved
-from pointglass.viewer.window.recovery import recoverable
+from pointglass.viewer.window.session import autosave as module
+from pointglass.viewer.window.session.autosave import Autosave, UnsavedWork, read_unsaved
+from pointglass.viewer.window.session.recovery import recoverable
+from pointglass.viewer.work.document import Document
+from pointglass.viewer.work.project import read_project
 
 
 def autosaves(folder: Path) -> list[Path]:
@@ -73,7 +73,7 @@ import sys, time
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
 import test_autosave as tests
-from pointglass.viewer.tools.document import Annotation
+from pointglass.viewer.work.document import Annotation
 tests.module.PAUSE_S = 0.0
 made = tests.Window(Path(sys.argv[1]))
 made.open(made.scan)

@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 from test_export import CAMERAS, FakeRenderer
 
-from pointglass.viewer.commands import make_parser
-from pointglass.viewer.settings import BACKGROUNDS, Settings
-from pointglass.viewer.tools.background import COLOURS, as_saved, composite, rows, straight
-from pointglass.viewer.tools.export import export_pictures
+from pointglass.viewer.command_table import make_parser
+from pointglass.viewer.commands.render_pictures import export_pictures
+from pointglass.viewer.picture.background import COLOURS, as_saved, composite, rows, straight
+from pointglass.viewer.picture.settings import BACKGROUNDS, Settings
 
 HALF = Fraction(1, 2)
 

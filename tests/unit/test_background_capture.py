@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import pytest
 
-from pointglass.viewer.render.background_capture import BackgroundRunner
+from pointglass.viewer.render.network.background_capture import BackgroundRunner
 
 
 class Engine:
-    """Stands for model.engines.Runner.  gate: what a capture waits for.  threads: where captures ran."""
+    """Stands for model.network.engines.Runner.  gate: what a capture waits for.  threads: where captures ran."""
 
     gate = threading.Event()
     threads: ClassVar[list[str]] = []

@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 BUSY = """
 import atexit, sys, threading, time
-from pointglass.model.common.background_threads import leave
+from pointglass.model.common.process.background_threads import leave
 atexit.register(lambda: print("cleaned up", flush=True))
 begun = threading.Event()
 def work():

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.readers.formats import open_source
-from pointglass.viewer.readers.ply import PlySource
+from pointglass.viewer.readers.ply.ply_source import PlySource
 
 
 @pytest.fixture(autouse=True)
@@ -383,7 +383,7 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
 
 
 def test_an_error_without_text_is_called_damage():
-    from pointglass.viewer.readers.e57_nodes import first_line
+    from pointglass.viewer.readers.e57.e57_nodes import first_line
 
     assert first_line(RuntimeError()) == "damaged: its content is not readable"
     assert first_line(RuntimeError("bad CRC\nmore")) == "bad CRC"

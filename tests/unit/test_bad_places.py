@@ -12,9 +12,9 @@ from rooms import make_room
 from scannetpp_files import write_scannetpp
 from test_rgbd import PLAIN, write_nerfstudio, write_scannet, write_tum
 
-from pointglass.model.data.dataset import DataError
-from pointglass.model.data.rgbd import load_rgbd
-from pointglass.model.data.scannetpp import load_scannetpp, scenes
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.images.rgbd import load_rgbd
+from pointglass.model.data.images.scannetpp import load_scannetpp, scenes
 from pointglass.model.data.stations import load_scene
 
 pytestmark = pytest.mark.usefixtures("one_thread")

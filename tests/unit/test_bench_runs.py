@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from pointglass.viewer.bench import approximation_errors as errors
-from pointglass.viewer.bench import approximations, culling, scaling
-from pointglass.viewer.bench import frame_times as frames
+from pointglass.viewer.bench import approximations
 from pointglass.viewer.bench import memory_headroom as room
+from pointglass.viewer.bench.cases import approximation_errors as errors
+from pointglass.viewer.bench.cases import culling, scaling
+from pointglass.viewer.bench.cases import frame_times as frames
 from pointglass.viewer.bench.stability.station_claims import scanned
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.paths import cache_dir
-from pointglass.viewer.tools import viewpoints as views
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.paths import cache_dir
+from pointglass.viewer.work.places import viewpoints as views
 
 
 @pytest.fixture(scope="module")
@@ -217,9 +218,9 @@ def test_bench_raster(tmp_path):
 def test_a_tolerance_of_ones_own_is_that_of_the_reference(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the reference's picture with 1/4, and not
     that with the usual tolerance."""
-    from pointglass.model.projection import SoftZ
+    from pointglass.model.reference.projection import SoftZ
     from pointglass.viewer.bench import float64_reference
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device.context import create_context
 
     _, scene = small
     context = create_context()
@@ -228,7 +229,7 @@ def test_a_tolerance_of_ones_own_is_that_of_the_reference(small):
     renderer.soft = 1 / 4
     other = renderer.render(camera, approximations.EXACT).image("filled").copy()
     patch = pytest.MonkeyPatch()
-    patch.setattr("pointglass.model.projection.SoftZ.preset",
+    patch.setattr("pointglass.model.reference.projection.SoftZ.preset",
                   lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
         reference = float64_reference.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)

@@ -9,12 +9,12 @@ import pytest
 from bench_run import SIZE, four_rooms
 
 from pointglass.viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
-from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.common.paths import assets_dir
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.paths import assets_dir
-from pointglass.viewer.tools import viewpoints as views
-from pointglass.viewer.tools.camera_files import read_cameras
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.work.cameras.camera_files import read_cameras
+from pointglass.viewer.work.places import viewpoints as views
 
 
 @pytest.fixture(scope="module")

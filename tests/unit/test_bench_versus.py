@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by
 
-from pointglass.viewer.bench import opponents, versus
-from pointglass.viewer.tools import viewpoints as views
+from pointglass.viewer.bench import opponents
+from pointglass.viewer.bench.cases import versus
+from pointglass.viewer.work.places import viewpoints as views
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +30,7 @@ def test_the_paper_gets_what_its_program_feeds_it():
 def test_the_papers_network_is_whole_and_its_picture_that_of_the_network():
     import torch
 
-    from pointglass.model.unet import PaperUNet
+    from pointglass.model.network.unet import PaperUNet
 
     network = opponents.PaperNetwork((48, 32), "cpu", torch.float32, seed=4)
     assert network.parameters == 31_038_915
@@ -51,7 +52,7 @@ def test_the_papers_network_is_whole_and_its_picture_that_of_the_network():
 @pytest.mark.gl
 def test_the_opponent_draws_every_point_and_the_same_picture(small):
     """All points or only those in view: the picture is that of an ordinary renderer with the published settings."""
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
 
     _, scene = small
@@ -107,7 +108,7 @@ def test_matrix_rates_are_measured():
 
 
 def test_fairness_and_ratios():
-    from pointglass.model.unet import PaperUNet, mac_per_pixel
+    from pointglass.model.network.unet import PaperUNet, mac_per_pixel
 
     work = 2 * mac_per_pixel(PaperUNet(), 32) * 960 * 720
     fair = versus.fairness(1000.0, (960, 720), {"matmul": 2.5 * work, "convolution": 2 * work})

@@ -5,7 +5,7 @@ import pytest
 from cloud_files import write_las, write_ply
 from scipy.spatial.transform import Rotation
 
-from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.preprocess.black_border import DARK, black_border_share

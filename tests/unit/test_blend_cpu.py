@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.blend_cpu import Blender
-from pointglass.model.blend_rows import tanh
-from pointglass.model.network_layout import CLOSED, PACKED_IN
-from pointglass.model.reconstruct import Reconstructor
-from pointglass.model.unet import BLENDS, INPUT_CHANNELS, CompactUNet, Size
+from pointglass.model.network.blend_cpu import Blender
+from pointglass.model.network.blend_rows import tanh
+from pointglass.model.network.network_layout import CLOSED, PACKED_IN
+from pointglass.model.network.reconstruct import Reconstructor
+from pointglass.model.network.unet import BLENDS, INPUT_CHANNELS, CompactUNet, Size
 
 
 def _network(rng, block=2) -> CompactUNet:

@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from pointglass.model import reconstruct
-from pointglass.viewer.errors import DeviceError
-from pointglass.viewer.render import bridge, egl, neural
-from pointglass.viewer.render.context import Device
-from pointglass.viewer.render.device_failure import CudaCallError, DeviceMemoryError, device_failure
+from pointglass.model.network import reconstruct
+from pointglass.viewer.common.errors import DeviceError
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device import egl
+from pointglass.viewer.render.device.context import Device
+from pointglass.viewer.render.device.device_failure import CudaCallError, DeviceMemoryError, device_failure
+from pointglass.viewer.render.network import bridge, neural
 from pointglass.viewer.render.renderer import Renderer
-from pointglass.viewer.settings import Settings
 
 # -- sizes ----------------------------------------------------------------------------------------------------------
 
@@ -94,7 +95,7 @@ def test_the_egl_device_is_torchs_cuda_device(monkeypatch, numbers, current, exp
 
 ORDERED = """
 import moderngl
-from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.common.errors import DeviceError
 from pointglass.viewer.render import context
 asked, real = [], moderngl.create_context
 def noted(**settings):
@@ -126,7 +127,7 @@ WITHOUT_X = """
 import ctypes.util
 real = ctypes.util.find_library
 ctypes.util.find_library = lambda name: "libGL-that-wants-X.so" if name == "GL" else real(name)
-from pointglass.viewer.render.context import create_context
+from pointglass.viewer.render.device.context import create_context
 create_context().release()
 """
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pointglass.viewer.camera import FOCAL_LENGTHS, MAX_SIDE, Camera, from_fov, look_at
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import FOCAL_LENGTHS, MAX_SIDE, Camera, from_fov, look_at
 
 coordinate = st.floats(-1e7, 1e7)
 point = st.tuples(coordinate, coordinate, coordinate)

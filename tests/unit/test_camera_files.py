@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pointglass.viewer.camera import Camera, from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import read_cameras, write_camera_path
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import Camera, from_fov, look_at
+from pointglass.viewer.work.cameras.camera_files import read_cameras, write_camera_path
 
 # A camera at (1, 2, 3) looking along world +x, world z up: right is -y.  OpenGL camera axes in columns.
 POSE = np.array([[0.0, 0, -1, 1], [-1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]])

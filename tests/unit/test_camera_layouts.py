@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_camera_files import PICTURE, POSE, assert_right, transforms, write_colmap
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import read_cameras
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.work.cameras.camera_files import read_cameras
 
 TURN = np.array([[0, 1.0, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])  # as ns-process-data writes it
 

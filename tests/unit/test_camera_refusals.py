@@ -6,8 +6,8 @@ import warnings
 
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import read_cameras
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.work.cameras.camera_files import read_cameras
 
 POSE = [[1, 0, 0, 2.0], [0, 0, -1, 0.5], [0, 1, 0, 1.4], [0, 0, 0, 1]]
 

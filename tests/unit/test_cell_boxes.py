@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.grid import two_passes as grid
+from pointglass.viewer.grid.building import two_passes as grid
 from pointglass.viewer.grid.cell_boxes import SHARES, WHOLE, boxes_of
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.stream.chunk_reader import ChunkReader
 from pointglass.viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
 

@@ -13,10 +13,10 @@ from PIL import Image
 
 from pointglass.viewer import cli
 from pointglass.viewer.cli import main
-from pointglass.viewer.commands import make_parser
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.paths import assets_dir
-from pointglass.viewer.tools import camera_files
+from pointglass.viewer.command_table import make_parser
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.paths import assets_dir
+from pointglass.viewer.work.cameras import camera_files
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -188,7 +188,7 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
 
 @pytest.mark.gl
 def test_a_picture_too_large_for_the_network_is_refused_before_it_is_drawn(scan, cameras, tmp_path, capsys, monkeypatch):
-    from pointglass.viewer.render import context
+    from pointglass.viewer.render.device import context
     from pointglass.viewer.render.renderer import Culler
 
     monkeypatch.setattr(context.Device, "buffer_limit", 16 * 80 * 60 - 1)
@@ -270,7 +270,7 @@ def test_importing_the_command_line_loads_nothing_heavy():
 
 
 def test_start_page_loads_ahead_what_a_scan_needs_and_no_torch():
-    code = ("import sys; from pointglass.viewer.window.warm_up import WarmUp; assert WarmUp().wait(60);"
+    code = ("import sys; from pointglass.viewer.window.shell.warm_up import WarmUp; assert WarmUp().wait(60);"
             "wanted = {'laspy', 'lazrs', 'numba', 'pointglass.viewer.grid.preview', 'pointglass.viewer.render.renderer'};"
             "sys.exit(', '.join(wanted - set(sys.modules)) or ('torch' in sys.modules and 'torch') or 0)")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=90).returncode == 0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.clip import MOST_CLIPS, Box, Slab, box_around, contains, may_contain, vector
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.clip import MOST_CLIPS, Box, Slab, box_around, contains, may_contain, vector
 
 
 def random_rotation(random) -> np.ndarray:

@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import read_cameras
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.work.cameras.camera_files import read_cameras
 
 
 def models(folder, rng, images=7):

@@ -6,7 +6,7 @@ import pytest
 
 from pointglass.viewer import cli
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 
 LEVELS = {"fallback taken": logging.WARNING, "engine chosen": logging.INFO, "cell counted": logging.DEBUG}
 

@@ -7,9 +7,9 @@ import pytest
 from cloud_files import surface, write_ply
 
 from pointglass.viewer.cli import main
+from pointglass.viewer.commands import convert as convert_module
+from pointglass.viewer.commands.convert import convert, convert_each, scans_in
 from pointglass.viewer.grid import cache
-from pointglass.viewer.grid import convert as convert_module
-from pointglass.viewer.grid.convert import convert, convert_each, scans_in
 from pointglass.viewer.grid.open_scene import open_scene
 
 

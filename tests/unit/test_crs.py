@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.crs import assigned, from_geokeys, from_text, title
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rooms import make_room
 
-from pointglass.model.data.cutout import CutOut, cut_outs, with_cut_outs
+from pointglass.model.data.images.photo_place import PhotoPlace
 from pointglass.model.data.pairs import build
-from pointglass.model.data.photo_place import PhotoPlace
 from pointglass.model.data.stations import load_scene
+from pointglass.model.data.surfaces.cutout import CutOut, cut_outs, with_cut_outs
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import pytest
 from cloud_files import surface, write_ply
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.convert import convert
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import cache
-from pointglass.viewer.grid.convert import convert
 from pointglass.viewer.grid.open_scene import open_scene
 
 ARRAYS = ("points", "offsets", "cell_coords", "boxes", "faces", "checksums", "noise")

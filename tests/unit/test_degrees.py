@@ -5,7 +5,7 @@ import pytest
 from cloud_files import write_las
 
 from pointglass.viewer import cli
-from pointglass.viewer.grid.degrees import like_degrees
+from pointglass.viewer.grid.building.degrees import like_degrees
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.arrays import ArraySource
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.data.projected import project_scan
-from pointglass.model.depth_filter import keep_mask
+from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.evaluation import true_visibility
-from pointglass.model.projection import SoftZ, rasterise
-from pointglass.model.pyramid import bilinear, half, parents, quads
+from pointglass.model.reference.depth_filter import keep_mask
+from pointglass.model.reference.projection import SoftZ, rasterise
+from pointglass.model.reference.pyramid import bilinear, half, parents, quads
 
 SIZE = (240, 320)
 

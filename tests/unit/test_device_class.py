@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.render.device_class import (
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.render.device.device_class import (
     DIFFERING_PIXELS,
     WORKGROUP_VARIABLE,
     WORKGROUPS,

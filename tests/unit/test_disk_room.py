@@ -29,7 +29,7 @@ def test_a_copy_that_a_reader_needs_has_no_room(tmp_path, monkeypatch, name, sai
 
     from cloud_files import E57Scan, surface, write_e57
 
-    from pointglass.viewer.errors import InputError
+    from pointglass.viewer.common.errors import InputError
     from pointglass.viewer.readers.formats import open_source
 
     def full(**_):

@@ -11,7 +11,7 @@ import pytest
 
 from pointglass.model.common import loop_cache
 from pointglass.viewer import doctor, doctor_probes
-from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.common.paths import assets_dir
 
 
 @pytest.mark.gl
@@ -129,9 +129,9 @@ def test_libraries_are_those_the_package_asks_for(monkeypatch):
 
 
 BRIDGE = """
-from pointglass.viewer.render.bridge import ReadBackBridge, works
-from pointglass.viewer.render.context import create_context
-from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.render.network.bridge import ReadBackBridge, works
+from pointglass.viewer.render.device.context import create_context
+from pointglass.viewer.render.device.shader import Programs
 programs = Programs(create_context())
 assert works(programs, ReadBackBridge(programs.context, (64, 48)))
 """

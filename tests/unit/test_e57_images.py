@@ -9,9 +9,9 @@ import pytest
 from cloud_files import SCANS, edited_e57
 from PIL import Image, ImageFile
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.readers import e57_images
-from pointglass.viewer.readers.e57_images import FACES, read_photographs
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.readers.e57 import e57_images
+from pointglass.viewer.readers.e57.e57_images import FACES, read_photographs
 
 BOX = np.array([2.0, 1.5, 1.2])  # half sizes of the room, metres; z is up
 AWAY = np.array([30.0, -12.0, 4.0])  # of the room's middle from the file's origin

@@ -8,9 +8,9 @@ import pytest
 from test_e57_images import pinhole, room_points, write_photos
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.readers.e57_pictures import picture_file, picture_of, stored_pictures
-from pointglass.viewer.window.interaction.picture_viewer import file_name
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.readers.e57.e57_pictures import picture_file, picture_of, stored_pictures
+from pointglass.viewer.window.interaction.stations.picture_viewer import file_name
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from pointglass.viewer.camera import Camera, look_at
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.render import enclosed_directions as module
-from pointglass.viewer.render.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Enclosure, cell_of, closed_in_view
+from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.render.culling import enclosed_directions as module
+from pointglass.viewer.render.culling.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Enclosure, cell_of, closed_in_view
 
 
 def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:

@@ -11,13 +11,13 @@ import pytest
 from PIL import Image
 
 import pointglass.model.evaluation.room_scores as scene_module
-from pointglass.model.data.dataset import DataError
+from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import load_scene
 from pointglass.model.evaluation import evaluate
 from pointglass.model.evaluation.command import add_arguments, names_of, run
 from pointglass.model.evaluation.open3d_points import Open3DError
 from pointglass.model.evaluation.outside import open_outside, parse_outside
-from pointglass.model.weights_folder import weights_dir
+from pointglass.model.network.weights_folder import weights_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 

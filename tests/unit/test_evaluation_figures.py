@@ -10,20 +10,20 @@ from evaluation_files import rgb_of
 from scipy.io import loadmat
 
 import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.appearance.exposure import exposures_of, match_exposures
 from pointglass.model.data.dataset import Scan
-from pointglass.model.data.projected import Projected, project_scan
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
+from pointglass.model.data.surfaces.projected import Projected, project_scan
 from pointglass.model.evaluation import precision_table, true_visibility
-from pointglass.model.evaluation.figures import Truth
 from pointglass.model.evaluation.methods import TRUE, thinned
-from pointglass.model.evaluation.metrics import gradient_energy, masked_error, masked_psnr, ssim
+from pointglass.model.evaluation.metrics.figures import Truth
+from pointglass.model.evaluation.metrics.image_metrics import gradient_energy, masked_error, masked_psnr, ssim
+from pointglass.model.evaluation.metrics.perceptual import SQUEEZE_FILES, SqueezeDistance
 from pointglass.model.evaluation.precision import scaled_input
 from pointglass.model.evaluation.room_scores import matched_colours
-from pointglass.model.exposure import exposures_of, match_exposures
-from pointglass.model.perceptual import SQUEEZE_FILES, SqueezeDistance
-from pointglass.model.unet import CompactUNet, Size
-from pointglass.model.weights import WeightsError
-from pointglass.model.weights_folder import weights_dir
+from pointglass.model.network.unet import CompactUNet, Size
+from pointglass.model.network.weights import WeightsError
+from pointglass.model.network.weights_folder import weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pointglass.viewer.camera import from_fov
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.export import export_pictures
+from pointglass.viewer.commands.render_pictures import export_pictures
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import from_fov
+from pointglass.viewer.picture.settings import Settings
 
 CAMERAS = [from_fov(8, 6, 60, np.eye(4), name) for name in ("a", "b")]
 ENDINGS = ("depth.npy", "mask.npy", "png", "provenance.png", "stats.json")

@@ -17,7 +17,7 @@ def test_every_value_of_every_record_is_copied(tmp_path, monkeypatch, seed, path
     """path: nodes go through the writer that selections use; without one the file is copied as it is."""
     random_e57(tmp_path / "a.e57", seed)
     if path == "nodes":
-        monkeypatch.setattr("pointglass.viewer.tools.exporting.targets.can_copy_file", lambda *_: False)
+        monkeypatch.setattr("pointglass.viewer.commands.exporting.targets.can_copy_file", lambda *_: False)
     export(tmp_path / "a.e57", "--out", tmp_path / "b.e57")
     a, b = contents(tmp_path / "a.e57"), contents(tmp_path / "b.e57")
     for found in (a, b):

@@ -7,7 +7,7 @@ from examples import examples
 from las_files import facts, random_las, records
 
 from pointglass.viewer import cli
-from pointglass.viewer.tools.exporting import las_copy
+from pointglass.viewer.commands.exporting.formats import las_copy
 
 
 def export(*arguments):
@@ -27,7 +27,7 @@ def test_every_value_of_every_record_is_copied(tmp_path, monkeypatch, seed, path
     formats = [n for n in range(11) if n not in (9, 10) or "laz" not in (ending, to)]
     source = tmp_path / f"a.{ending}"
     if path == "records":
-        monkeypatch.setattr("pointglass.viewer.tools.exporting.targets.can_copy_file", lambda *_: False)
+        monkeypatch.setattr("pointglass.viewer.commands.exporting.targets.can_copy_file", lambda *_: False)
     random_las(source, rng.integers(2**31), point_format=int(rng.choice(formats)))
     export(source, "--out", tmp_path / f"b.{to}")
     a, b = raw(source), raw(tmp_path / f"b.{to}")

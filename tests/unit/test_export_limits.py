@@ -65,7 +65,7 @@ def test_a_disk_that_becomes_full_is_one_line(scan, small_disk, tmp_path_factory
 
 @pytest.mark.parametrize("ending", ["las", "laz"])
 def test_a_disk_that_becomes_full_while_columns_are_written_is_one_line(scan, small_disk, monkeypatch, capsys, ending):
-    monkeypatch.setattr("pointglass.viewer.tools.exporting.targets.can_copy_las", lambda _: False)
+    monkeypatch.setattr("pointglass.viewer.commands.exporting.targets.can_copy_las", lambda _: False)
     box = "--clip=-1,-1,-1,11,11,11"
     assert cli.main(["export", "--no-cache", str(scan), box, "--out", str(small_disk / f"a.{ending}")]) == 2
     told = capsys.readouterr().err

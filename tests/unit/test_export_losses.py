@@ -9,7 +9,7 @@ from e57_files import Writer, contents
 from laspy.vlrs.vlrlist import VLRList
 
 from pointglass.viewer import cli
-from pointglass.viewer.readers.e57_nodes import library
+from pointglass.viewer.readers.e57.e57_nodes import library
 
 e57 = library()
 

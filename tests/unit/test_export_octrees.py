@@ -12,7 +12,7 @@ from format_files import some, write_ept, write_potree1, write_potree2
 from pointglass.viewer import cli
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.readers.e57_nodes import library, open_e57
+from pointglass.viewer.readers.e57.e57_nodes import library, open_e57
 
 e57 = library()
 MORE = [("gps-time", "double", "<f8"), ("return number", "uint8", "u1"), ("quality", "int16", "<i2")]

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.exporting.command import export
+from pointglass.viewer.commands.exporting.targets import ENDINGS
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.tools.clip import Box, contains
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.exporting.command import export
-from pointglass.viewer.tools.exporting.selection import Selection, clips_of, parse_box
-from pointglass.viewer.tools.exporting.targets import ENDINGS
-from pointglass.viewer.tools.project import write_project
+from pointglass.viewer.picture.clip import Box, contains
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.selection import Selection, clips_of, parse_box
 
 
 def cloud(seed, count=30_000, origin=(0.0, 0.0, 0.0), size=12.0, scans=2):
@@ -104,7 +104,7 @@ def test_nothing_is_left_where_nothing_can_be_written(tmp_path, capsys, monkeypa
     def full(*_arguments, **_options):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("pointglass.viewer.tools.exporting.las_writer._Plan.fill", full)
+    monkeypatch.setattr("pointglass.viewer.commands.exporting.formats.las_writer._Plan.fill", full)
     with pytest.raises(InputError, match="No space left"):
         export(Selection(scene), tmp_path / "a.laz")
     assert list(tmp_path.iterdir()) == []

@@ -12,9 +12,9 @@ from las_files import random_las
 from pointglass.viewer import cli
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.tools.clip import Box, contains
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.project import write_project
+from pointglass.viewer.picture.clip import Box, contains
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
 
 
 def export(*arguments):

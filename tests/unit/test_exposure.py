@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pointglass.model.exposure import exposures_of, match_exposures, solve_exposures
+from pointglass.model.appearance.exposure import exposures_of, match_exposures, solve_exposures
 
 
 def _room(rng, count, gains, noise=2.0, apart=0.0):

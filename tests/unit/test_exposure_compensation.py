@@ -5,9 +5,9 @@ import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.grid.convert import convert_each
-from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.commands.convert import convert_each
+from pointglass.viewer.commands.info import facts, format_text
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 
@@ -33,8 +33,8 @@ def _brightness(scene):
 
 
 def test_exposure_compensation_shows_progress_and_can_be_cancelled(tmp_path):
-    from pointglass.viewer.errors import Cancelled
-    from pointglass.viewer.progress import set_sink
+    from pointglass.viewer.common.errors import Cancelled
+    from pointglass.viewer.common.progress import set_sink
 
     xyz, rgb, station = _stations(1, 3000)
     path, steps = write_las(tmp_path / "a.laz", xyz, rgb, source=station + 7), []

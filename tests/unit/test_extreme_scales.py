@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cloud_files import E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.formats import open_source
 

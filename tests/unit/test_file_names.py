@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.file_names import inside, leads_elsewhere, safe_name, unique_names
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.file_names import inside, leads_elsewhere, safe_name, unique_names
 
 HOSTILE = ["../../etc/passwd", "/etc/passwd", "..", ".", "", "a/b", "a\\b", "C:\\x", "c:x", "a\0b", "\x1b]0;x\x07", "nul",
 "COM1.png",

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 
-from pointglass.viewer.grid.convert import convert
-from pointglass.viewer.grid.file_records import FileRecords
+from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import unpack
 
 SCALES = [(1e-3, 4000.0), (1e-7, 1e-3), (0.01, 1.0), (1e-3, 0.02)]

@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.camera_files import write_camera_path
-from pointglass.viewer.tools.film.command import read_path
-from pointglass.viewer.tools.film.encode import write_folder, write_mp4
-from pointglass.viewer.tools.film.equirectangular import Panorama
-from pointglass.viewer.tools.film.frames import averaged
-from pointglass.viewer.tools.film.path import interpolate
+from pointglass.viewer.commands.film.command import read_path
+from pointglass.viewer.commands.film.encode import write_folder, write_mp4
+from pointglass.viewer.commands.film.equirectangular import Panorama
+from pointglass.viewer.commands.film.frames import averaged
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.work.cameras.camera_files import write_camera_path
+from pointglass.viewer.work.cameras.path import interpolate
 
 SIZE = (64, 48)
 

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from window_session import session
 
-from pointglass.viewer.camera import look_at
-from pointglass.viewer.tools.camera_files import read_cameras
-from pointglass.viewer.tools.document import CameraPath, Document, Keyframe, Viewpoint
-from pointglass.viewer.tools.film.command import read_path
-from pointglass.viewer.tools.film.keyframes import cameras_along, passing_seconds, path_seconds
-from pointglass.viewer.tools.shot_metadata import camera_line
-from pointglass.viewer.window.interaction.camera_path_editor import fly_to
+from pointglass.viewer.commands.film.command import read_path
+from pointglass.viewer.picture.camera import look_at
+from pointglass.viewer.window.flight.navigation import view_along
 from pointglass.viewer.window.interaction.editing import copy_camera, paste_camera
-from pointglass.viewer.window.interaction.film_tool import Film
-from pointglass.viewer.window.interaction.section_tool import SectionTool
-from pointglass.viewer.window.interaction.timeline import column, nearest_marker, seconds_at
+from pointglass.viewer.window.interaction.film.camera_path_editor import fly_to
+from pointglass.viewer.window.interaction.film.film_tool import Film
+from pointglass.viewer.window.interaction.film.timeline import column, nearest_marker, seconds_at
+from pointglass.viewer.window.interaction.section.section_tool import SectionTool
 from pointglass.viewer.window.interaction.tool import KeyEvent, ToolContext
-from pointglass.viewer.window.navigation import view_along
+from pointglass.viewer.work.cameras.camera_files import read_cameras
+from pointglass.viewer.work.cameras.keyframes import cameras_along, passing_seconds, path_seconds
+from pointglass.viewer.work.document import CameraPath, Document, Keyframe, Viewpoint
+from pointglass.viewer.work.pictures.shot_metadata import camera_line
 
 
 @pytest.fixture
@@ -148,7 +148,7 @@ def test_a_closed_path_ends_where_it_began():
 
 
 def look_camera(place):
-    from pointglass.viewer.camera import from_fov
+    from pointglass.viewer.picture.camera import from_fov
 
     return from_fov(160, 90, 60.0, look_at(np.array(place, float), (2.0, 9.0, 1.0)))
 
@@ -203,7 +203,7 @@ def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
 def test_frame_times_become_a_plot(tmp_path):
     from PIL import Image
 
-    from pointglass.viewer.window.capture import FrameTimes
+    from pointglass.viewer.window.saving.capture import FrameTimes
 
     times, rng = FrameTimes(), np.random.default_rng(3)
     for number in range(40):

@@ -12,7 +12,7 @@ import pytest
 from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.formats import open_source
 
 ROOM = 3 << 30

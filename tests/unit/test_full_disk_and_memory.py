@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.failures import lacks_memory, report
-from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.failures import lacks_memory, report
+from pointglass.viewer.common.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = str(assets_dir() / "demo.laz")
@@ -45,8 +45,8 @@ def test_little_memory_is_one_line_and_not_a_damaged_file(tmp_path, megabytes):
 
 
 def test_a_picture_without_memory_for_a_graphics_driver_is_a_lack_of_memory_not_of_a_driver(tmp_path):
-    from pointglass.viewer.camera import from_fov, look_at
-    from pointglass.viewer.tools.camera_files import write_camera_path
+    from pointglass.viewer.picture.camera import from_fov, look_at
+    from pointglass.viewer.work.cameras.camera_files import write_camera_path
 
     write_camera_path(tmp_path / "path.json", [from_fov(64, 48, 60, look_at((2.0, -3.0, 2.0), (2.0, 2.0, 0.0)), "a")])
     done = _run("render", DEMO, "--no-cache", "--cameras", tmp_path / "path.json", "--out", tmp_path / "out", "--view", "raw",
@@ -57,7 +57,7 @@ def test_a_picture_without_memory_for_a_graphics_driver_is_a_lack_of_memory_not_
 def test_native_code_that_aborts_for_lack_of_memory_is_one_line(tmp_path):
     code = """
 import os, sys
-from pointglass.viewer.limited_memory import run_in_child_where_limited
+from pointglass.viewer.common.limited_memory import run_in_child_where_limited
 run_in_child_where_limited()
 if sys.argv[1] == "abort":
     os.write(2, b"memory allocation of 132 bytes failed\\n")
@@ -122,7 +122,7 @@ def test_closed_pipes_are_no_error():
 
 def test_every_writer_that_meets_a_full_disk_says_so(tmp_path, monkeypatch, capsys):
     """ENOSPC where a temporary file is made, of commands that write one file."""
-    from pointglass.model.common import temporary
+    from pointglass.model.common.files import temporary
 
     def full(path, _mode):
         raise OSError(errno.ENOSPC, "No space left on device", str(path))
@@ -139,7 +139,7 @@ def test_every_writer_that_meets_a_full_disk_says_so(tmp_path, monkeypatch, caps
 
 def test_a_grid_truncated_while_it_is_open_is_an_error_and_one_replaced_is_read_on(tmp_path):
     """Reading the map beyond the end of its file would end the process (SIGBUS)."""
-    from pointglass.viewer.grid.convert import convert
+    from pointglass.viewer.commands.convert import convert
     from pointglass.viewer.grid.open_scene import open_scene
     from pointglass.viewer.grid.scene import unpack
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from swept_room import PLACES, ROOM, hits
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.exporting.command import export
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import packed, unpack
 from pointglass.viewer.stream.chunk_source import ChunkSource
-from pointglass.viewer.tools.document import GHOSTS, Alterations, Document
-from pointglass.viewer.tools.exporting.command import export
-from pointglass.viewer.tools.exporting.selection import Selection
-from pointglass.viewer.tools.ghosts import find_ghosts, prepared, with_ghosts
+from pointglass.viewer.work.document import GHOSTS, Alterations, Document
+from pointglass.viewer.work.ghosts import find_ghosts, prepared, with_ghosts
+from pointglass.viewer.work.selection import Selection
 
 
 def swept(seed: int, *, rays: int = 60_000, radius: float = 0.25, height: float = 1.7, scale: float = 1.0,

@@ -76,7 +76,7 @@ def test_a_small_run_leaves_every_figure_in_one_folder(run, tmp_path):
 def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
     import workers
 
-    from pointglass.viewer.render import bridge
+    from pointglass.viewer.render.network import bridge
 
     made = bridge.ReadBackBridge
 
@@ -167,7 +167,7 @@ def test_it_ends_within_nine_minutes_and_leaves_few_files(run):
 
 
 def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
-    from pointglass.viewer.commands import make_parser
+    from pointglass.viewer.command_table import make_parser
 
     asked = 0
     for plan in (run.Plan(), run.SMALL):

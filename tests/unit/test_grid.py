@@ -10,12 +10,12 @@ from cloud_files import surface
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import density_layers as layers
-from pointglass.viewer.grid import histogram as histogram_module
-from pointglass.viewer.grid import kernels
-from pointglass.viewer.grid import scatter as scatter_module
-from pointglass.viewer.grid import two_passes as grid_module
+from pointglass.viewer.grid.building import histogram as histogram_module
+from pointglass.viewer.grid.building import kernels
+from pointglass.viewer.grid.building import scatter as scatter_module
+from pointglass.viewer.grid.building import two_passes as grid_module
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.preprocess.scan_table import ScanTable

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_ply
 
-from pointglass.viewer.errors import Cancelled, InputError
+from pointglass.viewer.commands.convert import convert, convert_each
+from pointglass.viewer.commands.info import describe, format_text
+from pointglass.viewer.common.errors import Cancelled, InputError
+from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.grid import cache
-from pointglass.viewer.grid import two_passes as grid
-from pointglass.viewer.grid.convert import convert, convert_each
-from pointglass.viewer.grid.info import describe, format_text
+from pointglass.viewer.grid.building import two_passes as grid
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.progress import set_sink
 from pointglass.viewer.stream.chunk_source import CHUNK, ChunkSource
 
 ROOT = Path(__file__).resolve().parents[2]

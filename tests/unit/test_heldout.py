@@ -8,7 +8,7 @@ import torch
 
 from pointglass.model.data.dataset import MemoryPicture, Scan
 from pointglass.model.data.heldout import HELD_OUT, Targets, targets, visible
-from pointglass.model.data.projected import project_scan
+from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.evaluation.heldout import (
     LEAST_IN_GAPS,
     PointErrors,

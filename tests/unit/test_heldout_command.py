@@ -9,10 +9,10 @@ from PIL import Image
 from test_e57_images import room_points
 
 from pointglass.model.data.dataset import Scan
-from pointglass.model.weights_folder import weights_dir
+from pointglass.model.network.weights_folder import weights_dir
 from pointglass.viewer.cli import main
-from pointglass.viewer.tools.heldout import evaluate_scan as command
-from pointglass.viewer.tools.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
+from pointglass.viewer.commands.heldout import evaluate_scan as command
+from pointglass.viewer.commands.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
 
 FAST = str(weights_dir() / "fast-filtered.safetensors")
 

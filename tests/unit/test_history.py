@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pointglass.viewer.tools import history
-from pointglass.viewer.tools.history import History
+from pointglass.viewer.work import history
+from pointglass.viewer.work.history import History
 
 
 def test_undo_and_redo_visit_the_states_in_order(seed):

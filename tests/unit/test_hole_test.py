@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.hole_test import (
+from pointglass.model.reference.hole_test import (
     DIRECTIONS,
     KERNEL,
     KERNEL_SUM,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_las
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.formats import open_source
 

@@ -15,11 +15,11 @@ import pytest
 from test_laz_chunks import write_laz
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers import laz_points
 from pointglass.viewer.readers.formats import open_source
-from pointglass.viewer.readers.laz_points import LazError, LazPoints
-from pointglass.viewer.readers.laz_worker import items_of, layers_of, refusal
+from pointglass.viewer.readers.las.laz_points import LazError, LazPoints
+from pointglass.viewer.readers.las.laz_worker import items_of, layers_of, refusal
 
 GPS_LAYER = 8
 """Number of the layer of GPS times in point formats 6 to 10."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.common.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 NEVER = ("torch", "open3d", "matplotlib", "pye57", "tensorboard", "pointglass.viewer.window")

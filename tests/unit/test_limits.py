@@ -8,7 +8,7 @@ from cloud_files import E57Scan, surface, write_e57, write_las
 from format_files import some, write_potree1
 
 import pointglass
-from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.preprocess import exposure_compensation, point_colour
 from pointglass.viewer.readers.class_codes import class_codes

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.look import (
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.look import (
     CLASSES,
     Look,
     category_colours,

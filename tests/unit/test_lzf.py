@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.readers.lzf import MOST, DamagedLzf, LzfReader
-from pointglass.viewer.readers.pcd import PcdSource
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.readers.pcd.lzf import MOST, DamagedLzf, LzfReader
+from pointglass.viewer.readers.pcd.pcd_source import PcdSource
 
 
 def _packed(rng: np.random.Generator, size: int) -> tuple[bytes, bytes]:

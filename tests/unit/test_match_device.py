@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from pointglass.viewer.render import gpu_memory
-from pointglass.viewer.render.match_device import CudaDevice, OpenGLDevice, match
+from pointglass.viewer.render.device import gpu_memory
+from pointglass.viewer.render.device.match_device import CudaDevice, OpenGLDevice, match
 
 A, B, OTHER = (bytes([value] * 16) for value in (1, 2, 3))
 TWO = [CudaDevice(0, "NVIDIA RTX A", A), CudaDevice(1, "NVIDIA RTX B", B)]

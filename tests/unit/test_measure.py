@@ -6,9 +6,9 @@ import io
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.clip import vector
-from pointglass.viewer.tools.measure import (
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.clip import vector
+from pointglass.viewer.work.measure import (
     COLUMNS,
     KINDS,
     MeasuredPoint,

@@ -9,17 +9,17 @@ import sys
 import pytest
 import torch
 
-from pointglass.model.common import torch_process
-from pointglass.model.common.processors import usable_processors
-from pointglass.model.reconstruct import Reconstructor
+from pointglass.model.common.process import torch_process
+from pointglass.model.common.process.processors import usable_processors
+from pointglass.model.network.reconstruct import Reconstructor
 from pointglass.viewer import cli
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 COUNT = """
 import resource, sys
 import torch
-from pointglass.model.common.memory import keep_freed_memory
-from pointglass.model.unet import make_network
+from pointglass.model.common.process.memory import keep_freed_memory
+from pointglass.model.network.unet import make_network
 
 if sys.argv[1] == "kept" and not keep_freed_memory():
     sys.exit(3)
@@ -35,7 +35,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 HELD = """
 import os, sys
 from pathlib import Path
-from pointglass.model.common.memory import give_back, keep_freed_memory
+from pointglass.model.common.process.memory import give_back, keep_freed_memory
 
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -65,7 +65,7 @@ def test_the_system_clears_memory_once_and_not_for_every_picture():
 
 
 def test_other_c_libraries_are_left_alone(monkeypatch):
-    from pointglass.model.common import memory
+    from pointglass.model.common.process import memory
 
     monkeypatch.setattr(memory.platform, "libc_ver", lambda: ("", ""))
     monkeypatch.setattr(memory.ctypes, "CDLL", None)

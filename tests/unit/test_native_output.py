@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CODE = """
 import os, sys, threading
-from pointglass.model.common.native_output import error_descriptor, without_panics
+from pointglass.model.common.process.native_output import error_descriptor, without_panics
 
 def write(text):
     os.write(2, text)
@@ -35,13 +35,13 @@ def test_only_panics_are_dropped():
 
 
 def test_nothing_fails_where_standard_error_is_closed():
-    code = ("import os; os.close(2)\nfrom pointglass.model.common.native_output import without_panics\n"
+    code = ("import os; os.close(2)\nfrom pointglass.model.common.process.native_output import without_panics\n"
             "with without_panics(): print(5)")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True).stdout == "5\n"
 
 
 def test_no_descriptor_is_left_open():
-    from pointglass.model.common.native_output import without_panics
+    from pointglass.model.common.process.native_output import without_panics
 
     before = sorted(os.listdir("/proc/self/fd"))
     for _ in range(3):

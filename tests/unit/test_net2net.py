@@ -3,8 +3,8 @@
 import pytest
 import torch
 
+from pointglass.model.network.unet import SIZES, CompactUNet, Size, make_network
 from pointglass.model.train.net2net import started_from, widen
-from pointglass.model.unet import SIZES, CompactUNet, Size, make_network
 
 SMALL = Size((8, 16, 24), 1)
 

@@ -10,13 +10,13 @@ from PIL import Image, ImageDraw, ImageFont
 from rooms import make_room
 from safetensors.torch import save_file
 
-from pointglass.model.data.dataset import DataError
+from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
 from pointglass.model.evaluation import evaluate, format_table
-from pointglass.model.evaluation.metrics import psnr, psnr_after_gain, ssim
-from pointglass.model.network_layout import BACKGROUND, CLOSED, NOISE_SCALE, PACKED_IN
-from pointglass.model.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
-from pointglass.model.unet import (
+from pointglass.model.evaluation.metrics.image_metrics import psnr, psnr_after_gain, ssim
+from pointglass.model.network.network_layout import BACKGROUND, CLOSED, NOISE_SCALE, PACKED_IN
+from pointglass.model.network.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
+from pointglass.model.network.unet import (
     FILLED_WEIGHT,
     INPUT_CHANNELS,
     KEPT_DEVIATIONS,
@@ -28,8 +28,8 @@ from pointglass.model.unet import (
     make_network,
     without_mesh,
 )
-from pointglass.model.weights import FORMAT, WeightsError, load_weights, save_weights
-from pointglass.model.weights_folder import shipped, weights_dir
+from pointglass.model.network.weights import FORMAT, WeightsError, load_weights, save_weights
+from pointglass.model.network.weights_folder import shipped, weights_dir
 
 
 @pytest.mark.parametrize("size", [(1, 1), (31, 17), (64, 48)])
@@ -332,9 +332,9 @@ def test_best_is_the_mean_of_the_balanced_networks_mirrored_pictures(seed):
 
 def test_a_network_is_interrupted_between_its_layers_and_unharmed(seed):
     """From the first layer that finds its picture needless on, nothing runs; the next picture is as always."""
-    from pointglass.model.interruption import Interrupted, interruptible
-    from pointglass.model.network_layout import PACKED_IN
-    from pointglass.model.reconstruct import Reconstructor
+    from pointglass.model.network.interruption import Interrupted, interruptible
+    from pointglass.model.network.network_layout import PACKED_IN
+    from pointglass.model.network.reconstruct import Reconstructor
 
     network = Reconstructor("fast", filtered=True, device="cpu", precision="fp32")
     packed = torch.from_numpy(np.random.default_rng(seed).random((32, 48, PACKED_IN)).astype(np.float16))

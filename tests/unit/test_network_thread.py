@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from pointglass.viewer.render.network_thread import NetworkThread
+from pointglass.viewer.render.network.network_thread import NetworkThread
 
 
 class Steps:
@@ -69,7 +69,7 @@ def test_a_result_that_nobody_waits_for_any_more_is_dropped(steps):
 
 def test_a_run_ends_at_the_next_layer_once_its_picture_is_not_needed(steps):
     """By another picture, or because nothing is to be shown; a run that is needed goes on to its end."""
-    from pointglass.model.interruption import check
+    from pointglass.model.network.interruption import check
 
     for end in (steps.thread.drop, lambda: steps.start(9)):
         begun, gate, layers = threading.Event(), threading.Event(), []
@@ -100,7 +100,7 @@ def test_a_run_ends_at_the_next_layer_once_its_picture_is_not_needed(steps):
 
 def test_only_the_thread_that_asked_is_interrupted():
     """Another thread may run the same network meanwhile."""
-    from pointglass.model.interruption import Interrupted, check, interruptible
+    from pointglass.model.network.interruption import Interrupted, check, interruptible
 
     with interruptible(lambda: True):
         other = threading.Thread(target=check)

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from pointglass.model import noise as module
-from pointglass.model.noise import KNOTS, LUMA, MAX_VOXELS, NoiseModel, estimate_noise
-from pointglass.model.noise_kernels import FAR, NEAR, STRIDE, residuals
-from pointglass.viewer.grid.info import facts, format_text
-from pointglass.viewer.grid.noise_sample import runs
+from pointglass.model.appearance import noise as module
+from pointglass.model.appearance.noise import KNOTS, LUMA, MAX_VOXELS, NoiseModel, estimate_noise
+from pointglass.model.appearance.noise_kernels import FAR, NEAR, STRIDE, residuals
+from pointglass.viewer.commands.info import facts, format_text
+from pointglass.viewer.grid.building.noise_sample import runs
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 SIDE = 4.0  # metres
@@ -228,5 +228,5 @@ def test_info_shows_the_noise_and_colours_are_unchanged():
 
 
 def test_luma_weights_equal_the_networks():
-    unet = pytest.importorskip("pointglass.model.unet")
+    unet = pytest.importorskip("pointglass.model.network.unet")
     assert np.array_equal(LUMA, unet.LUMA)

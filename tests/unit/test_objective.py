@@ -97,7 +97,7 @@ def test_a_batch_without_known_pixels_has_no_gradient():
 
 
 def test_dissimilarity_is_the_same_in_a_mixed_precision_step():
-    from pointglass.model.perceptual import Dissimilarity
+    from pointglass.model.evaluation.metrics.perceptual import Dissimilarity
 
     flat = torch.full((1, 3, 32, 32), 0.9)
     made = (flat + 0.002 * torch.randn(flat.shape, generator=torch.Generator().manual_seed(3))).to(torch.bfloat16)

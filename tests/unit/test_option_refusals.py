@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.commands import COMMANDS
+from pointglass.viewer.command_table import COMMANDS
 
 
 def refused(capsys, *arguments) -> str:
@@ -33,7 +33,7 @@ def refused(capsys, *arguments) -> str:
 ])
 def test_training_refuses_options_before_a_place_is_built(options, said, tmp_path, capsys, monkeypatch):
     import pointglass.model.data.procedural as procedural
-    import pointglass.model.reconstruct as reconstruct
+    import pointglass.model.network.reconstruct as reconstruct
 
     monkeypatch.setattr(procedural.ProceduralPlace, "place", property(lambda self: pytest.fail("a place was built")))
     monkeypatch.setattr(reconstruct, "cuda_problem", lambda: "none here")
@@ -70,10 +70,10 @@ def test_training_in_one_process_is_refused_under_torchrun(way, tmp_path, capsys
     (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
 ])
 def test_training_names_the_options_it_ignores(options, said, tmp_path, capsys, monkeypatch):
+    from pointglass.model.network.weights_folder import weights_dir
     from pointglass.model.train import command as train_command
     from pointglass.model.train import recipes
-    from pointglass.model.weights_folder import weights_dir
-    from pointglass.viewer.tools.tuning import tune
+    from pointglass.viewer.commands.tuning import tune
 
     done = []
     monkeypatch.setattr(recipes, "follow", lambda *_, **__: done.append("recipe"))
@@ -141,7 +141,7 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
 
     from pointglass.model.synth import demo
     from pointglass.model.synth.place import Place
-    from pointglass.viewer.progress import set_sink
+    from pointglass.viewer.common.progress import set_sink
 
     monkeypatch.setattr(demo, "Place", partial(Place, probe_rays=0))
     seen = []
@@ -159,7 +159,7 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_help_of_a_command_describes_it_and_every_option(command, capsys):
-    from pointglass.viewer.commands import make_parser
+    from pointglass.viewer.command_table import make_parser
 
     with pytest.raises(SystemExit):
         main([command, "--help"])
@@ -178,7 +178,7 @@ def test_the_help_of_simulate_names_the_cameras_file(capsys):
 
 
 def test_empty_folders_of_a_failure_are_removed(tmp_path):
-    from pointglass.model.common.folders import made_folder
+    from pointglass.model.common.files.folders import made_folder
 
     with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
         raise KeyboardInterrupt
@@ -201,7 +201,7 @@ def test_an_interrupt_during_imports_gives_one_line(tmp_path, module, stop):
     import subprocess
     import sys
 
-    from pointglass.viewer.paths import assets_dir
+    from pointglass.viewer.common.paths import assets_dir
 
     (tmp_path / f"{module}.py").write_text(
         "import os, time\ntry:\n    print('importing', flush=True)\n    time.sleep(60)\nexcept BaseException:\n    os.abort()\n"
@@ -270,7 +270,7 @@ def test_an_interrupt_in_a_compiled_loop_waits_for_its_results(monkeypatch, stop
 
 
 def test_convert_of_a_truncated_scan_leaves_no_folders(tmp_path, capsys):
-    from pointglass.viewer.paths import assets_dir
+    from pointglass.viewer.common.paths import assets_dir
 
     torn = tmp_path / "torn.laz"
     torn.write_bytes((assets_dir() / "demo.laz").read_bytes()[:200_000])
@@ -279,8 +279,8 @@ def test_convert_of_a_truncated_scan_leaves_no_folders(tmp_path, capsys):
 
 
 def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, capsys, monkeypatch):
+    from pointglass.viewer.common.paths import assets_dir
     from pointglass.viewer.grid import open_scene
-    from pointglass.viewer.paths import assets_dir
 
     monkeypatch.setattr(open_scene, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
     scan, cameras = assets_dir() / "demo.laz", assets_dir() / "demo_cameras.json"
@@ -294,8 +294,8 @@ def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
     from types import SimpleNamespace
     from typing import Any
 
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.export import export_pictures
+    from pointglass.viewer.commands.render_pictures import export_pictures
+    from pointglass.viewer.picture.settings import Settings
 
     class Interrupted:
         def __getattr__(self, _name):

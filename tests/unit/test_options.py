@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.model.perceptual import SQUEEZE_FILES
+from pointglass.model.evaluation.metrics.perceptual import SQUEEZE_FILES
 from pointglass.viewer import cli
 from pointglass.viewer.cli import main
-from pointglass.viewer.commands import make_parser
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.options import memory_of, settings_of
-from pointglass.viewer.settings import CHOICES, Memory, Settings
+from pointglass.viewer.command_table import make_parser
+from pointglass.viewer.commands.options import memory_of, settings_of
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.settings import CHOICES, Memory, Settings
 
 RENDER = ("render", "scan.laz", "--cameras", "c.json", "--out", "out")
 
@@ -73,7 +73,8 @@ def test_tuning_is_told_what_was_asked_for(monkeypatch, tmp_path):
     for name in SQUEEZE_FILES:
         (tmp_path / name).write_bytes(b"some")
     told = []
-    monkeypatch.setattr("pointglass.viewer.tools.tuning.tune.tune", lambda scan, out, **given: told.append((scan, out, given)))
+    monkeypatch.setattr("pointglass.viewer.commands.tuning.tune.tune",
+                        lambda scan, out, **given: told.append((scan, out, given)))
     line = ("train", "--tune", "house.e57", "--quality", "fast", "--device", "cpu")
     assert main([*line, "--out", "mine", "--minutes", "2.5", "--seed", "7", "--perceptual", str(tmp_path)]) == 0
     assert main(list(line)) == 0

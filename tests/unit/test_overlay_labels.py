@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.window.overlay import OverlayCanvas
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.window.kit.overlay import OverlayCanvas
 
 SIZE = (64.0, 20.0)
 """Pixels of every plate."""

@@ -11,7 +11,7 @@ import pytest
 import zstandard
 from format_files import some, write_ept, write_potree1, write_potree2
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.formats import open_source
 from pointglass.viewer.readers.own_folder import may_unpack, own_path
 
@@ -78,7 +78,7 @@ def test_how_far_data_may_unpack():
 LIMITED = """
 import resource, sys
 from pathlib import Path
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.formats import open_source
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 try:

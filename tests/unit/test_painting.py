@@ -6,10 +6,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pointglass.model.data.dataset import DataError, MemoryPicture, Scan
-from pointglass.model.data.diffuse import diffuse
-from pointglass.model.data.painting import SIDE, Painting, load_textures, make_painting, mip_levels, paint_picture, painted
-from pointglass.model.data.projected import project_scan
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.surfaces.diffuse import diffuse
+from pointglass.model.data.surfaces.painting import (
+    SIDE,
+    Painting,
+    load_textures,
+    make_painting,
+    mip_levels,
+    paint_picture,
+    painted,
+)
+from pointglass.model.data.surfaces.projected import project_scan
 
 POSE = np.diag([1.0, -1.0, -1.0, 1.0])  # looks along +z, OpenGL axes
 

@@ -11,13 +11,14 @@ import torch
 from scannetpp_files import write_scannetpp
 from walls import cast, look, rays_of, straight_view, wall_scan
 
-from pointglass.model.data.dataset import DataError, MemoryPicture
-from pointglass.model.data.lens import Lens
-from pointglass.model.data.photo_place import PhotoPlace
-from pointglass.model.evaluation.metrics import ssim
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.dataset import MemoryPicture
+from pointglass.model.data.images.lens import Lens
+from pointglass.model.data.images.photo_place import PhotoPlace
+from pointglass.model.evaluation.metrics.image_metrics import ssim
 from pointglass.model.evaluation.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
-from pointglass.model.unet import make_network
-from pointglass.model.weights import save_weights
+from pointglass.model.network.unet import make_network
+from pointglass.model.network.weights import save_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

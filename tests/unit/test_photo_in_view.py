@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_e57_images import AWAY, Picture, encoded, hit, paint, room_points, write_photos
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.readers.e57_photographs import KINDS, read_station_photos
-from pointglass.viewer.tools.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.readers.e57.e57_photographs import KINDS, read_station_photos
+from pointglass.viewer.work.pictures.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
 
 SIZE = (250, 125)
 """Below 256, so that a channel can say which column or row a pixel is."""

@@ -9,13 +9,14 @@ import torch
 from PIL import Image
 from walls import LENSES, SIZE, bend, cast, look, rays_of, straight_view, wall_scan
 
-from pointglass.model.data.dataset import DataError, MemoryPicture, Scan
-from pointglass.model.data.lens import Lens
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.images.lens import Lens
+from pointglass.model.data.images.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
+from pointglass.model.data.images.photos import Photograph
 from pointglass.model.data.pairs import place_pairs
-from pointglass.model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
-from pointglass.model.data.photos import Photograph
-from pointglass.model.data.projected import project_scan, raster_of
-from pointglass.model.projection import filled_input
+from pointglass.model.data.surfaces.projected import project_scan, raster_of
+from pointglass.model.reference.projection import filled_input
 from pointglass.model.train.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")

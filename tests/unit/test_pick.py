@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from cloud_files import write_las
 
-from pointglass.viewer.camera import from_fov, look_at
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.tools.clip import box_around, contains
-from pointglass.viewer.tools.pick import nearest_pixel, pick, surface_around
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.clip import box_around, contains
+from pointglass.viewer.work.places.pick import nearest_pixel, pick, surface_around
 
 ROOM = np.array([4.0, 5.0, 3.0])
 
@@ -145,7 +145,7 @@ def test_a_place_without_points_has_no_spacing(room):
 
 def test_distances_and_areas_in_a_room_of_known_size(room, seed):
     """Corners are snapped to as a person would, by pointing at them; the room's edges are known."""
-    from pointglass.viewer.tools.measure import MeasuredPoint, Measurement, evaluate
+    from pointglass.viewer.work.measure import MeasuredPoint, Measurement, evaluate
 
     random = np.random.default_rng(seed)
     low, high = np.array([512_000.0, 5_403_000.0, 300.0]), np.array([512_000.0, 5_403_000.0, 300.0]) + ROOM

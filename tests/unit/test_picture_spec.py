@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from window_session import session, stats
 
-from pointglass.viewer.settings import BACKGROUNDS, CHOICES, VIEWS
-from pointglass.viewer.tools.clip import Box, Slab
-from pointglass.viewer.tools.document import GHOSTS, Alterations, Document
-from pointglass.viewer.tools.look import COLOUR_BY, RAMPS, Look
-from pointglass.viewer.tools.picture_spec import PictureSpec
+from pointglass.viewer.picture.clip import Box, Slab
+from pointglass.viewer.picture.look import COLOUR_BY, RAMPS, Look
+from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES, VIEWS
+from pointglass.viewer.work.document import GHOSTS, Alterations, Document
+from pointglass.viewer.work.pictures.picture_spec import PictureSpec
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
 SLAB = Slab((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)

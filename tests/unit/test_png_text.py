@@ -7,12 +7,12 @@ import zlib
 import numpy as np
 import pytest
 
-from pointglass.viewer.camera import from_fov
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.files import write_png
-from pointglass.viewer.tools.png_text import png_text
-from pointglass.viewer.tools.shot_metadata import KEY, Shot, read_shot
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.files import write_png
+from pointglass.viewer.picture.camera import from_fov
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.pictures.png_text import png_text
+from pointglass.viewer.work.pictures.shot_metadata import KEY, Shot, read_shot
 
 CAMERA = from_fov(64, 48, 70, np.eye(4), "a")
 

@@ -4,7 +4,7 @@ import laspy
 import numpy as np
 import pytest
 
-from pointglass.viewer.grid.info import describe, format_text
+from pointglass.viewer.commands.info import describe, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import attributes_of, packed, scan_numbers, unpack
 from pointglass.viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout, layout_from

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.grid import cache, kernels, open_scene, point_records
-from pointglass.viewer.grid.convert import convert
+from pointglass.viewer.commands.convert import convert
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.grid import cache, open_scene
+from pointglass.viewer.grid.building import kernels
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.grid.point_records import PointRecords
+from pointglass.viewer.grid.records import point_records
+from pointglass.viewer.grid.records.point_records import PointRecords
 from pointglass.viewer.grid.scene import CHUNK, unpack
 
 

@@ -5,8 +5,8 @@ import json
 import pytest
 from window_session import session
 
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.window.preferences import (
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.session.preferences import (
     FILE,
     Preferences,
     preferences_of,

@@ -73,7 +73,7 @@ def test_without_time_there_is_no_preview(tmp_path):
 
 def test_the_window_previews_a_cached_scan_only_where_the_cache_is_not_used(tmp_path):
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.window import loading
+    from pointglass.viewer.window.session import loading
 
     rng = np.random.default_rng(1)
     path = tmp_path / "big.xyz"

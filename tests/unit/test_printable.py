@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.text import escaped_output, printable
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.text import escaped_output, printable
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\u202egnp\x9b31m\r\n\x00\udcff"
 

@@ -6,7 +6,7 @@ import pytest
 from pointglass.model.data import procedural
 from pointglass.model.data.pairs import build, by_size
 from pointglass.model.data.procedural import ProceduralPlace, procedural_places
-from pointglass.model.data.projected import project_scan
+from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.synth.place import Place
 
 

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from pointglass.viewer import progress as module
-from pointglass.viewer.errors import Cancelled
-from pointglass.viewer.progress import duration_text, progress, set_sink
+from pointglass.viewer.common import progress as module
+from pointglass.viewer.common.errors import Cancelled
+from pointglass.viewer.common.progress import duration_text, progress, set_sink
 
 
 @pytest.fixture

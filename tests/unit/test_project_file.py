@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from documents import random_document
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.moved_scans import MissingScans, difference
-from pointglass.viewer.tools.project import VERSION, places_in, read_project, scans_of, write_project
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.moved_scans import MissingScans, difference
+from pointglass.viewer.work.project import VERSION, places_in, read_project, scans_of, write_project
 
 
 def test_a_project_opens_as_it_was_left(tmp_path, seed):

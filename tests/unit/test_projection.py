@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pointglass.model.common.linear_light import LEVELS, TO_LINEAR, TO_SRGB
-from pointglass.model.projection import (
+from pointglass.model.reference.projection import (
     NOISE_SCALE,
     SoftZ,
     depth_feature,
@@ -19,7 +19,7 @@ from pointglass.model.projection import (
     rasterise,
     unpack_points,
 )
-from pointglass.model.pull_push import FIRST_LEVEL, background, pull_push
+from pointglass.model.reference.pull_push import FIRST_LEVEL, background, pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.settings import VIEWS
-from pointglass.viewer.tools.provenance import PROVENANCE, provenance, views_with_mask
+from pointglass.viewer.picture.provenance import PROVENANCE, provenance, views_with_mask
+from pointglass.viewer.picture.settings import VIEWS
 
 
 def plain(view: str, alpha: int, kept: bool) -> int:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pointglass
-from pointglass.viewer.grid.file_records import FileRecords
 from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.records.file_records import FileRecords
 
 HEADER = ("GPSTime", "Return Number", "Dip (degrees)")
 NAMES = ("GPSTime", "Return Number", "Dip")

@@ -13,14 +13,14 @@ from cloud_files import write_ply
 from test_e57_images import pinhole, room_points, write_photos
 
 import pointglass
-from pointglass.viewer.grid.convert import convert
-from pointglass.viewer.grid.file_records import FileRecords
-from pointglass.viewer.grid.info import facts
+from pointglass.viewer.commands.convert import convert
+from pointglass.viewer.commands.demo import demo_scan
+from pointglass.viewer.commands.info import facts
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.readers.e57_images import read_photographs
-from pointglass.viewer.settings import Memory, Settings
-from pointglass.viewer.tools.demo import demo_scan
+from pointglass.viewer.picture.settings import Memory, Settings
+from pointglass.viewer.readers.e57.e57_images import read_photographs
 
 HEAVY = ("torch", "moderngl", "glcontext", "OpenGL", "numba", "imgui_bundle", "laspy", "pye57", "open3d")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pointglass.viewer.window.controls import table_markdown
+from pointglass.viewer.window.shell.controls import table_markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text("utf-8")
@@ -36,7 +36,7 @@ def test_its_links_lead_somewhere():
 
 
 def test_its_commands_and_options_exist():
-    from pointglass.viewer.commands import COMMANDS, make_parser
+    from pointglass.viewer.command_table import COMMANDS, make_parser
 
     shell = "\n".join(re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL))
     for line in re.findall(r"^pointglass (.*?)(?:\s+#.*)?$", shell, re.MULTILINE):

@@ -6,8 +6,8 @@ import shutil
 import pytest
 from rooms import make_room
 
+from pointglass.model.network.weights import load_weights
 from pointglass.model.train.recipes import RECIPES, Recipe, Stage, _Job, _make, follow
-from pointglass.model.weights import load_weights
 from pointglass.viewer.cli import main
 
 TINY = Recipe(0.05, 0.1, (

@@ -5,7 +5,8 @@ import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 from format_files import some, write_pcd
 
-from pointglass.viewer.readers import e57_blocks, record_blocks
+from pointglass.viewer.readers import record_blocks
+from pointglass.viewer.readers.e57 import e57_blocks
 from pointglass.viewer.readers.formats import open_source
 from pointglass.viewer.readers.source import Source
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.source import Chunk, Source
 
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.exporting.command import export
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.readers import crs
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.exporting.command import export
-from pointglass.viewer.tools.exporting.selection import Selection
-from pointglass.viewer.tools.project import read_project, write_project
-from pointglass.viewer.tools.reference import UNITS, with_reference, wkt_of
 from pointglass.viewer.window.interaction.reference_panel import assign_crs, assign_unit
-from pointglass.viewer.window.status_bar import units_text
-from pointglass.viewer.window.work import Work
+from pointglass.viewer.window.panels.status_bar import units_text
+from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import read_project, write_project
+from pointglass.viewer.work.reference import UNITS, with_reference, wkt_of
+from pointglass.viewer.work.selection import Selection
 
 
 def small_scan(path, seed):

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import pointglass
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 
 MILLIMETRE = 1e-3
 

@@ -9,15 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pointglass.model.common.system import available_memory
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.scene import CHUNK
-from pointglass.viewer.stream.residency import (
-    OVERVIEW,
-    Residency,
-    byte_count,
-    opening_chunks,
-    overview_chunks,
-)
+from pointglass.viewer.stream.residency import OVERVIEW, Residency, byte_count, opening_chunks, overview_chunks
 
 SEEDS = st.integers(0, 2**32 - 1)
 

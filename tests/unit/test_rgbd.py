@@ -8,9 +8,9 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 from walls import FISHEYE, LENSES, OPENCV, SIZE, cast, colour_at, look, rays_of, registered
 
-from pointglass.model.data.dataset import DataError
-from pointglass.model.data.lens import Lens
-from pointglass.model.data.rgbd import load_rgbd
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.images.lens import Lens
+from pointglass.model.data.images.rgbd import load_rgbd
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

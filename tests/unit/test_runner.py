@@ -8,11 +8,11 @@ import pytest
 import torch
 from torch import nn
 
-from pointglass.model.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
-from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
-from pointglass.model.unet import SIZES, CompactUNet, PaperUNet
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.render import neural
+from pointglass.model.network.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
+from pointglass.model.network.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.model.network.unet import SIZES, CompactUNet, PaperUNet
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.render.network import neural
 
 
 class Network:

@@ -10,9 +10,9 @@ import pytest
 from cloud_files import E57Scan, edited_e57, write_e57, write_las, write_ply
 from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.readers.copc_nodes import read_nodes
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.readers.las.copc_nodes import read_nodes
 from pointglass.viewer.readers.sampling import interleaved, run_starts, sampled_nodes
 
 COUNT, WANTED, RUN = 60_000, 4_000, 50

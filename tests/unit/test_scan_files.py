@@ -7,10 +7,10 @@ import pytest
 from cloud_files import surface, write_las
 
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
-from pointglass.viewer.tools.document import Document
-from pointglass.viewer.tools.look import Look
-from pointglass.viewer.tools.scan_files import files_of, main_place, sample_of_file
-from pointglass.viewer.window.start_viewpoint import near_survey, start_camera, survey
+from pointglass.viewer.picture.look import Look
+from pointglass.viewer.window.flight.start_viewpoint import near_survey, start_camera, survey
+from pointglass.viewer.work.document import Document
+from pointglass.viewer.work.scan_files import files_of, main_place, sample_of_file
 
 
 def two_files(tmp_path, away, points=(3000, 2000)):

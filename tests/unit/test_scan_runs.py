@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from pointglass.model.scan_runs import (
+from pointglass.model.appearance.scan_runs import (
     BLOCKS,
     HUBER_LIMIT,
     ITERATIONS,
@@ -15,7 +15,7 @@ from pointglass.model.scan_runs import (
     _apply,
     solve_run_gains,
 )
-from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 

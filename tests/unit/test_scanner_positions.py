@@ -6,7 +6,7 @@ from cloud_files import E57Scan, write_e57, write_las
 from scipy.spatial import KDTree
 from swept_room import PLACES, sweep
 
-from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.preprocess import scanner_positions

@@ -8,9 +8,9 @@ from PIL import Image
 from scannetpp_files import write_ply, write_scannetpp
 from walls import FISHEYE, registered
 
-from pointglass.model.data.dataset import DataError
+from pointglass.model.common.errors import DataError
+from pointglass.model.data.images.scannetpp import load_scannetpp, scenes
 from pointglass.model.data.pairs import build
-from pointglass.model.data.scannetpp import load_scannetpp, scenes
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

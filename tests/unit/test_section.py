@@ -5,19 +5,19 @@ import pytest
 from PIL import Image
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.exporting.command import export
+from pointglass.viewer.commands.section import splat_kernels
+from pointglass.viewer.commands.section.command import paper_of, parse_scale
+from pointglass.viewer.commands.section.cut import along_line, elevation, plan
+from pointglass.viewer.commands.section.orthographic import CLOSES, CellSpacings, draw
+from pointglass.viewer.commands.section.sheet import INCH, borders, round_length, sheet, write_sheet
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.tools.clip import Box
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.exporting.command import export
-from pointglass.viewer.tools.exporting.selection import Selection
-from pointglass.viewer.tools.project import write_project
-from pointglass.viewer.tools.section import splat_kernels
-from pointglass.viewer.tools.section.command import paper_of, parse_scale
-from pointglass.viewer.tools.section.cut import along_line, elevation, plan
-from pointglass.viewer.tools.section.orthographic import CLOSES, CellSpacings, draw
-from pointglass.viewer.tools.section.sheet import INCH, borders, round_length, sheet, write_sheet
+from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.selection import Selection
 
 SIZE = np.array([8.0, 6.0, 3.0])
 

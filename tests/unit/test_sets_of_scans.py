@@ -8,10 +8,10 @@ from cloud_files import surface, write_e57, write_las
 from format_files import some, write_ept, write_potree1, write_potree2
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.commands.heldout.evaluate_scan import is_scan
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.formats import entry_of, name_of, open_source
-from pointglass.viewer.tools.heldout.evaluate_scan import is_scan
 
 
 def tile(path, at: float = 0.0):
@@ -191,7 +191,7 @@ def test_the_e57_of_a_set_is_still_read_with_all_of_its_scans(tmp_path):
 
 
 def test_the_window_names_the_files_that_the_scene_left_out(tmp_path):
-    from pointglass.viewer.window.loading import open_each
+    from pointglass.viewer.window.session.loading import open_each
 
     files = [tile(tmp_path / "a.laz"), empty_las(tmp_path / "b.las"), tile(tmp_path / "c.laz", 3.0)]
     scene, opened, problems = open_each(files, lambda paths: open_scene(paths, cache=False))

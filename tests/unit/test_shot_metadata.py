@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.files import write_png
-from pointglass.viewer.tools.shot_metadata import KEY, Shot, camera_line, differences, parse_camera_line, read_shot
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.files import write_png
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.pictures.shot_metadata import KEY, Shot, camera_line, differences, parse_camera_line, read_shot
 
 
 def shot(seed=0):

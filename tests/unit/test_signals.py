@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.model.common.signals import cleaned, undone, uninterrupted
+from pointglass.model.common.process.signals import cleaned, undone, uninterrupted
 from pointglass.model.common.system import STOPS
-from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.common.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 LINE = "pointglass: stopped\n"
@@ -36,11 +36,11 @@ def _stopped(code: str, tmp_path: Path, number: int) -> subprocess.CompletedProc
 NATIVE = """
 import sys, time
 from pathlib import Path
-from pointglass.model.common.signals import stop_at_once
+from pointglass.model.common.process.signals import stop_at_once
 stop_at_once()
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.model.common.folders import made_folder
-from pointglass.model.common.temporary import temporary_folder
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.model.common.files.folders import made_folder
+from pointglass.model.common.files.temporary import temporary_folder
 def write(path):
     path.write_text("half")
     print("writing", flush=True)
@@ -64,8 +64,8 @@ def test_a_signal_unwinds_nothing_and_leaves_nothing(tmp_path, number):
 CHILDREN = """
 import multiprocessing, subprocess, sys, time
 from pathlib import Path
-from pointglass.model.common.signals import stop_at_once
-from pointglass.model.common.temporary import temporary_folder
+from pointglass.model.common.process.signals import stop_at_once
+from pointglass.model.common.files.temporary import temporary_folder
 stop_at_once()
 def work(folder):
     with temporary_folder(Path(folder) / "pairs"):
@@ -90,7 +90,7 @@ def test_child_processes_end_and_what_they_leave_is_removed(tmp_path):
 DELAYED = """
 import sys, time
 from pathlib import Path
-from pointglass.model.common.signals import stop_at_once, uninterrupted
+from pointglass.model.common.process.signals import stop_at_once, uninterrupted
 stop_at_once()
 with uninterrupted():
     print("begun", flush=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from pointglass.viewer.grid import kernels, spacing
+from pointglass.viewer.grid.building import kernels, spacing
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 

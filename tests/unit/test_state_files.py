@@ -6,10 +6,10 @@ import os
 
 import pytest
 
-from pointglass.viewer.state_files import read_state, write_state
+from pointglass.viewer.common.state_files import read_state, write_state
 from pointglass.viewer.window.file_dialog.remembered_folders import RememberedFolders
-from pointglass.viewer.window.preferences import Preferences, read_preferences, write_preferences
-from pointglass.viewer.window.recent import recent_scans
+from pointglass.viewer.window.session.preferences import Preferences, read_preferences, write_preferences
+from pointglass.viewer.window.session.recent import recent_scans
 
 BAD = {
     "brackets": b"[" * 100_000, "braces": b'{"a":' * 100_000, "no JSON": b"nonsense", "not UTF-8": b"\xff\xfe{}", "empty": b"",

@@ -6,10 +6,10 @@ import torch
 
 from pointglass.model.common.scanner_positions import stations_differ
 from pointglass.model.data.dataset import MemoryPicture, Scan
-from pointglass.model.data.projected import project_scan
-from pointglass.model.projection import SoftZ, network_input, rasterise
-from pointglass.model.pull_push import pull_push
-from pointglass.model.station_weights import (
+from pointglass.model.data.surfaces.projected import project_scan
+from pointglass.model.reference.projection import SoftZ, network_input, rasterise
+from pointglass.model.reference.pull_push import pull_push
+from pointglass.model.reference.station_weights import (
     CONFIDENCE_BLOCK,
     CONFIDENCE_HALF_SUM,
     HEAVIEST,

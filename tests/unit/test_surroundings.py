@@ -1,11 +1,11 @@
-"""The compiled loop of viewer.tools.standing_place against plain numpy."""
+"""The compiled loop of viewer.work.places.standing_place against plain numpy."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from pointglass.viewer.tools import standing_place as s
+from pointglass.viewer.work.places import standing_place as s
 
 
 @dataclass

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pointglass.model.common import processors
 from pointglass.model.common.linear_light import to_linear, to_srgb
+from pointglass.model.common.process import processors
 from pointglass.model.synth import demo, shapes
 from pointglass.model.synth.builder import frame_along
 from pointglass.model.synth.place import Place, pixel_rays

@@ -14,10 +14,10 @@ import pytest
 from cloud_files import write_ply
 
 from pointglass.model.common import system
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.model.common.native_output import without_panics
-from pointglass.viewer.limited_memory import lacks_room, run_in_child_where_limited
-from pointglass.viewer.window.autosave import lock
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.model.common.process.native_output import without_panics
+from pointglass.viewer.common.limited_memory import lacks_room, run_in_child_where_limited
+from pointglass.viewer.window.session.autosave import lock
 
 ROOT = Path(__file__).resolve().parents[2]
 POSIX_ONLY = {
@@ -29,8 +29,8 @@ POSIX_ONLY = {
 """Module -> names that it has on some systems only."""
 ALLOWED = {
     "model/common/system.py": "the module that knows",
-    "model/common/processors.py": "asks whether sched_getaffinity exists",
-    "viewer/limited_memory.py": "only where system.address_space_is_limited",
+    "model/common/process/processors.py": "asks whether sched_getaffinity exists",
+    "viewer/common/limited_memory.py": "only where system.address_space_is_limited",
 }
 WITHOUT = """
 import os, signal, sys

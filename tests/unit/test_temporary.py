@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.model.common import system, temporary
-from pointglass.model.common.atomic_write import write_atomic
-from pointglass.model.common.state_folder import state_dir
+from pointglass.model.common import system
+from pointglass.model.common.files import temporary
+from pointglass.model.common.files.atomic_write import write_atomic
+from pointglass.model.common.files.state_folder import state_dir
 from pointglass.viewer.grid.scratch_folder import move, scratch
 
 HOLDER = """
 import sys, time
 from pathlib import Path
-from pointglass.model.common.temporary import temporary_file, temporary_folder
+from pointglass.model.common.files.temporary import temporary_file, temporary_folder
 
 with temporary_folder(Path(sys.argv[1]) / "abc") as folder, temporary_file(Path(sys.argv[1]) / "abc.laz") as file:
     (folder / "points.npy").write_text("half")

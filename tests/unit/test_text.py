@@ -2,7 +2,7 @@
 
 import pytest
 
-from pointglass.viewer.text import bytes_text, counted
+from pointglass.viewer.common.text import bytes_text, counted
 
 
 @pytest.mark.parametrize(("number", "said"), [

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.formats import open_source
-from pointglass.viewer.readers.text_header import columns_named
-from pointglass.viewer.readers.text_numbers import number
+from pointglass.viewer.readers.text.text_header import columns_named
+from pointglass.viewer.readers.text.text_numbers import number
 
 COUNT = 200
 

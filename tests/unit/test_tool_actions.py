@@ -5,18 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pointglass.viewer.camera import from_fov, look_at
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.clip import Box, Slab, vector
-from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.measure import evaluate
-from pointglass.viewer.tools.project import write_project
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.clip import Box, Slab, vector
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
-from pointglass.viewer.window.work import Work
+from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.measure import evaluate
+from pointglass.viewer.work.project import write_project
 
 
 @pytest.fixture(scope="module")

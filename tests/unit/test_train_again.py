@@ -8,7 +8,7 @@ import torch
 from rooms import make_room
 from safetensors import safe_open
 
-from pointglass.model.weights import load_weights
+from pointglass.model.network.weights import load_weights
 from pointglass.viewer.cli import main
 
 

@@ -13,17 +13,17 @@ import pytest
 import torch
 from rooms import make_room
 
-from pointglass.model.common.interrupts import finish_before_interrupt
+from pointglass.model.common.errors import DataError
+from pointglass.model.common.process.interrupts import finish_before_interrupt
 from pointglass.model.common.system import STOPS
-from pointglass.model.data.dataset import DataError
 from pointglass.model.data.pairs import build
 from pointglass.model.data.stations import load_scene
+from pointglass.model.network.weights import load_weights
 from pointglass.model.train import recipes, training_log
 from pointglass.model.train import trainer as train
 from pointglass.model.train.recipes import RECIPES, Recipe, Stage, follow
 from pointglass.model.train.torchrun import Process
 from pointglass.model.train.trainer import TrainConfig, Trainer
-from pointglass.model.weights import load_weights
 from pointglass.viewer.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from pointglass.model.data.crops import Batch, Crops
+from pointglass.model.network.weights import load_weights
 from pointglass.model.train import trainer as train_module
 from pointglass.model.train.torchrun import Process
 from pointglass.model.train.trainer import TrainConfig, Trainer, train
-from pointglass.model.weights import load_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

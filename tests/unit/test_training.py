@@ -13,18 +13,19 @@ import pytest
 import torch
 from rooms import make_room
 
+from pointglass.model.common.errors import DataError
 from pointglass.model.common.linear_light import to_linear, to_srgb
 from pointglass.model.data import pairs as pairs_module
 from pointglass.model.data.crops import Crops, Prefetcher
-from pointglass.model.data.dataset import DataError, MemoryPicture
+from pointglass.model.data.dataset import MemoryPicture
 from pointglass.model.data.pairs import _truth, build, flow_to
-from pointglass.model.data.projected import project_scan, scan_spacing
 from pointglass.model.data.stations import load_scene
+from pointglass.model.data.surfaces.projected import project_scan, scan_spacing
+from pointglass.model.network.unet import PaperUNet
+from pointglass.model.network.weights import load_weights
 from pointglass.model.train.objective import Objective, excess_error, inside_flow, local_light, warp
 from pointglass.model.train.trainer import Process, TrainConfig, Trainer, train
 from pointglass.model.train.training_log import PICTURES_EVERY, TrainingLog
-from pointglass.model.unet import PaperUNet
-from pointglass.model.weights import load_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 

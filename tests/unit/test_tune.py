@@ -9,18 +9,18 @@ import pytest
 from cloud_files import write_ply
 from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
-from pointglass.model.data.projected import scan_spacing
-from pointglass.model.weights import load_weights
-from pointglass.model.weights_folder import weights_dir
-from pointglass.viewer.errors import InputError
+from pointglass.model.data.surfaces.projected import scan_spacing
+from pointglass.model.network.weights import load_weights
+from pointglass.model.network.weights_folder import weights_dir
+from pointglass.viewer.commands.tuning import tune as tuning
+from pointglass.viewer.commands.tuning import withheld
+from pointglass.viewer.commands.tuning.material import DENSITIES
+from pointglass.viewer.commands.tuning.photographs import agreement, photographs_in, read_points, registered_pictures
+from pointglass.viewer.commands.tuning.tune import tune
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.preprocess.point_colour import Colours
-from pointglass.viewer.readers.e57_images import read_photographs
+from pointglass.viewer.readers.e57.e57_images import read_photographs
 from pointglass.viewer.readers.formats import open_source
-from pointglass.viewer.tools.tuning import tune as tuning
-from pointglass.viewer.tools.tuning import withheld
-from pointglass.viewer.tools.tuning.material import DENSITIES
-from pointglass.viewer.tools.tuning.photographs import agreement, photographs_in, read_points, registered_pictures
-from pointglass.viewer.tools.tuning.tune import tune
 
 PLACES = [((0.3, -0.4, 0.2), 0.7, 0.3), ((-0.5, 0.2, 0.0), 2.4, -0.2), ((0.1, 0.6, -0.3), 4.0, 0.1),
           ((0.8, 0.0, 0.1), 5.5, 0.0), ((-0.9, -0.5, 0.3), 1.6, -0.4), ((0.0, 0.0, 0.5), 3.1, 0.2)]  # fmt: skip

@@ -8,10 +8,10 @@ from cloud_files import E57Scan, surface, write_e57, write_las
 from format_files import some, write_pcd
 
 from pointglass.viewer import cli
-from pointglass.viewer.errors import InputError
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.crs import height_unit, height_unit_of_geokeys
-from pointglass.viewer.readers.e57_length import crc32c, length_warning
+from pointglass.viewer.readers.e57.e57_length import crc32c, length_warning
 from pointglass.viewer.readers.formats import open_source
 
 FEET_WKT1 = ('COMPD_CS["x",PROJCS["UTM 17N",GEOGCS["NAD83",DATUM["d",SPHEROID["GRS",6378137,298.25]],UNIT["degree",0.01745]],'

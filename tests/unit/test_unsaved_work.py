@@ -7,11 +7,11 @@ import pytest
 from test_picture_spec import other
 from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # noqa: F401  (a fixture)
 
-from pointglass.viewer.tools.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
-from pointglass.viewer.tools.look import Look
-from pointglass.viewer.tools.project import read_project
-from pointglass.viewer.window.loading import Loaded
-from pointglass.viewer.window.scan_notice_actions import act_on_notice
+from pointglass.viewer.picture.look import Look
+from pointglass.viewer.window.session.loading import Loaded
+from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
+from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
+from pointglass.viewer.work.project import read_project
 
 CHANGES: dict[str, object] = {
     "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "viewpoints": (Viewpoint("here", EYE, 60.0),), "look": Look(exposure=1.0),
@@ -161,7 +161,7 @@ def test_a_project_that_another_window_has_saved_is_not_replaced_without_a_quest
 
 
 def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_project_is_offered(window, tmp_path):
-    from pointglass.viewer.window.recent import last_view, recent_scans
+    from pointglass.viewer.window.session.recent import last_view, recent_scans
 
     home = window.session.flight.home
     window.session.flight.state = dataclasses.replace(home, position=home.position + 0.25, yaw=home.yaw + 0.5)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.tools.clip import box_around
-from pointglass.viewer.tools.exporting.selection import Selection
-from pointglass.viewer.tools.up_axis import upright_axes
-from pointglass.viewer.tools.walk_map import BODY, build_walk_map
-from pointglass.viewer.window.navigation import FlyState, Motion, view_along
-from pointglass.viewer.window.walking import EYE_HEIGHT, PACE, stand, walk
+from pointglass.viewer.picture.clip import box_around
+from pointglass.viewer.window.flight.navigation import FlyState, Motion, view_along
+from pointglass.viewer.window.flight.walking import EYE_HEIGHT, PACE, stand, walk
+from pointglass.viewer.work.places.up_axis import upright_axes
+from pointglass.viewer.work.places.walk_map import BODY, build_walk_map
+from pointglass.viewer.work.selection import Selection
 
 RISER, TREAD, STEPS = 0.18, 0.28, 5
 FLOOR = 0.3

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from window_session import room
 
-from pointglass.viewer.camera import look_at
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.window.framing import overview
-from pointglass.viewer.window.navigation import FlyState, Motion, changed_speed, step, view_along
-from pointglass.viewer.window.start_viewpoint import start_camera, survey
+from pointglass.viewer.picture.camera import look_at
+from pointglass.viewer.window.flight.framing import overview
+from pointglass.viewer.window.flight.navigation import FlyState, Motion, changed_speed, step, view_along
+from pointglass.viewer.window.flight.start_viewpoint import start_camera, survey
 
 
 @pytest.mark.parametrize("steps", [2, 7, 60])

@@ -5,8 +5,8 @@ import pytest
 from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.tools.standing_place import enclosure
-from pointglass.viewer.window.start_viewpoint import darkness, start_camera, survey
+from pointglass.viewer.window.flight.start_viewpoint import darkness, start_camera, survey
+from pointglass.viewer.work.places.standing_place import enclosure
 
 
 @pytest.mark.parametrize("aspect", [0.8, 1.6, 2.4])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.window.layout import LOOK, NARROW, RAIL, SCENES, Panels, arrange
-from pointglass.viewer.window.recent import MOST, load_thumbnail, recent_scans, remember
+from pointglass.viewer.window.kit.layout import LOOK, NARROW, RAIL, SCENES, Panels, arrange
+from pointglass.viewer.window.session.recent import MOST, load_thumbnail, recent_scans, remember
 
 
 @pytest.mark.parametrize("seed", range(20))

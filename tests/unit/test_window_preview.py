@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from window_session import room, session
 
-from pointglass.viewer.progress import progress
-from pointglass.viewer.window.loading import Loaded
-from pointglass.viewer.window.navigation import view_along
-from pointglass.viewer.window.start_viewpoint import start_state, survey
+from pointglass.viewer.common.progress import progress
+from pointglass.viewer.window.flight.navigation import view_along
+from pointglass.viewer.window.flight.start_viewpoint import start_state, survey
+from pointglass.viewer.window.session.loading import Loaded
 
 
 def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_the_camera():

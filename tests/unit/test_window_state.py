@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from window_session import FEW, finish, room, session, stats
 
-from pointglass.viewer.camera import from_fov, look_at
-from pointglass.viewer.errors import InputError
-from pointglass.viewer.progress import progress
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.background import composite
-from pointglass.viewer.window import controls
-from pointglass.viewer.window.capture import FrameTimes, save_png, stamped
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.progress import progress
+from pointglass.viewer.picture.background import composite
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
-from pointglass.viewer.window.loading import Loaded, expanded, open_each
-from pointglass.viewer.window.present import split_column
-from pointglass.viewer.window.save_actions import SaveActions
-from pointglass.viewer.window.scan_notice_actions import act_on_notice
-from pointglass.viewer.window.session import Session
-from pointglass.viewer.window.start_viewpoint import survey
+from pointglass.viewer.window.flight.start_viewpoint import survey
+from pointglass.viewer.window.saving.capture import FrameTimes, save_png, stamped
+from pointglass.viewer.window.saving.save_actions import SaveActions
+from pointglass.viewer.window.session.loading import Loaded, expanded, open_each
+from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
+from pointglass.viewer.window.session.session import Session
+from pointglass.viewer.window.shell import controls
+from pointglass.viewer.window.viewport.present import split_column
 
 if TYPE_CHECKING:
-    from pointglass.viewer.window.viewport import Viewport
+    from pointglass.viewer.window.viewport.viewport import Viewport
 
 
 def test_a_still_session_needs_one_picture():

@@ -6,7 +6,7 @@ import pytest
 def test_sizes_are_the_same_again_after_any_change_of_screen():
     """imgui truncates what it scales: done one on the other, every move between two screens made them smaller."""
     imgui = pytest.importorskip("imgui_bundle", reason="the window's packages are not installed").imgui
-    from pointglass.viewer.window.theme import Theme
+    from pointglass.viewer.window.kit.theme import Theme
 
     context = imgui.create_context()
     try:
@@ -26,7 +26,7 @@ def test_sizes_are_the_same_again_after_any_change_of_screen():
 
 def test_a_name_too_long_keeps_its_beginning_and_its_end():
     imgui = pytest.importorskip("imgui_bundle", reason="the window's packages are not installed").imgui
-    from pointglass.viewer.window.theme import Theme, fitted
+    from pointglass.viewer.window.kit.theme import Theme, fitted
 
     context = imgui.create_context()
     try:
@@ -51,8 +51,8 @@ def test_text_and_controls_stand_out_from_what_is_behind_them():
     pytest.importorskip("imgui_bundle", reason="the window's packages are not installed")
     from imgui_bundle import ImVec4
 
-    from pointglass.viewer.window import theme
-    from pointglass.viewer.window.theme import contrast, over
+    from pointglass.viewer.window.kit import theme
+    from pointglass.viewer.window.kit.theme import contrast, over
 
     white, black = ImVec4(1, 1, 1, 1), ImVec4(0, 0, 0, 1)
     assert contrast(white, black) == pytest.approx(21.0) and contrast(black, white) == contrast(white, black)
@@ -75,8 +75,8 @@ def test_text_and_controls_stand_out_from_what_is_behind_them():
 
 def test_the_style_uses_the_colours_that_were_checked():
     imgui = pytest.importorskip("imgui_bundle", reason="the window's packages are not installed").imgui
-    from pointglass.viewer.window import theme
-    from pointglass.viewer.window.theme import Theme
+    from pointglass.viewer.window.kit import theme
+    from pointglass.viewer.window.kit.theme import Theme
 
     context = imgui.create_context()
     try:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from window_session import session
 
-from pointglass.viewer.camera import Camera, look_at
+from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.window.interaction.fly import Fly
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext

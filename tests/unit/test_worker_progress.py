@@ -3,10 +3,10 @@
 import threading
 import time
 
-from pointglass.viewer.progress import progress
-from pointglass.viewer.text import left_text
-from pointglass.viewer.window import worker as module
-from pointglass.viewer.window.worker import Worker
+from pointglass.viewer.common.progress import progress
+from pointglass.viewer.common.text import left_text
+from pointglass.viewer.window.kit import worker as module
+from pointglass.viewer.window.kit.worker import Worker
 
 
 def test_progress_wakes_the_loop_but_not_for_every_unit(monkeypatch):

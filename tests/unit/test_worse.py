@@ -10,12 +10,12 @@ import torch
 from PIL import Image
 
 import pointglass.model.evaluation.room_scores as scene_module
-from pointglass.model.data.dataset import DataError
+from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import load_scene
-from pointglass.model.evaluation.figures import Figures, Truth
-from pointglass.model.evaluation.flip import flip_metric
+from pointglass.model.evaluation.metrics.figures import Figures, Truth
+from pointglass.model.evaluation.metrics.flip import flip_metric
 from pointglass.model.evaluation.worse import Case, Worst, error_ratio, format_summary, ratio_of_room, summary
-from pointglass.model.weights_folder import weights_dir
+from pointglass.model.network.weights_folder import weights_dir
 from pointglass.viewer.cli import main
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -116,6 +116,6 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
         assert sheet.width > 3 * 48
     with pytest.raises(DataError, match="--plot: for one folder"):
         from pointglass.model.evaluation.command import run
-        from pointglass.viewer.commands import make_parser
+        from pointglass.viewer.command_table import make_parser
 
         run(make_parser().parse_args([*told, "--plot", str(tmp_path / "p.png")]))

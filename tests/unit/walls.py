@@ -5,8 +5,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pointglass.model.data.dataset import MemoryPicture, Scan
-from pointglass.model.data.lens import Lens
-from pointglass.model.data.projected import project_scan
+from pointglass.model.data.images.lens import Lens
+from pointglass.model.data.surfaces.projected import project_scan
 
 SIZE = np.array([4.0, 3.0, 2.5])
 OPENCV = np.diag((1.0, -1.0, -1.0, 1.0))

@@ -3,10 +3,10 @@
 import numpy as np
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.window.loading import Loaded
-from pointglass.viewer.window.session import Session
-from pointglass.viewer.window.start_viewpoint import survey
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.flight.start_viewpoint import survey
+from pointglass.viewer.window.session.loading import Loaded
+from pointglass.viewer.window.session.session import Session
 
 FEW = 4_000
 """Points of a session's room: the search for a place to stand in it takes longer with more."""

@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 from window_session import room
 
-from pointglass.viewer.settings import Settings
-from pointglass.viewer.tools.clip import Box
-from pointglass.viewer.tools.measure import MeasuredPoint, Measurement
-from pointglass.viewer.window import autosave as module
+from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
-from pointglass.viewer.window.project_flow import ProjectFlow
-from pointglass.viewer.window.session import Session
-from pointglass.viewer.window.start_viewpoint import survey
+from pointglass.viewer.window.flight.start_viewpoint import survey
+from pointglass.viewer.window.session import autosave as module
+from pointglass.viewer.window.session.project_flow import ProjectFlow
+from pointglass.viewer.window.session.session import Session
+from pointglass.viewer.work.measure import MeasuredPoint, Measurement
 
 SCENE = room(points=2_000)
 SURVEY = survey(SCENE)

@@ -11,7 +11,7 @@ from driver import SIZE, Driver
 def check_screenshot_is_the_picture(d: Driver) -> None:
     from PIL import Image
 
-    from pointglass.viewer.tools.background import composite
+    from pointglass.viewer.picture.background import composite
 
     d.rest()
     before = set(d.folder.glob("*.png"))
@@ -52,7 +52,7 @@ def check_help_lists_every_control(d: Driver) -> None:
     assert d.session.help and not np.array_equal(before, d.canvas())
     d.key("ESCAPE")
     assert not d.session.help and not d.app.closing
-    from pointglass.viewer.window.controls import ALL
+    from pointglass.viewer.window.shell.controls import ALL
 
     assert {control.action for control in ALL if control.kind in ("press", "chord")} <= set(d.app._actions)
 
@@ -90,7 +90,7 @@ def check_bad_file_gives_a_dialog_and_the_scene_stays(d: Driver) -> None:
 
 
 def check_missing_weights_give_a_dialog_and_the_setting_reverts(d: Driver) -> None:
-    from pointglass.viewer.errors import InputError
+    from pointglass.viewer.common.errors import InputError
 
     def none(settings):
         raise InputError("no weights are shipped for quality 'paper'")
@@ -145,7 +145,7 @@ def check_second_drop_replaces_the_scene(d: Driver) -> None:
 
 
 def check_failed_picture_falls_back(d: Driver) -> None:
-    from pointglass.viewer.errors import DeviceError
+    from pointglass.viewer.common.errors import DeviceError
 
     original, before = d.app.viewport.renderer.render, d.session.view_settings.settings
 

@@ -144,8 +144,8 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
     import numpy as np
     from PIL import Image
 
-    from pointglass.viewer.tools.altered_pictures import shot_picture
-    from pointglass.viewer.tools.shot_metadata import read_shot
+    from pointglass.viewer.work.pictures.altered_pictures import shot_picture
+    from pointglass.viewer.work.pictures.shot_metadata import read_shot
 
     d.rest()
     saves, work = d.app.save_actions, d.session.work

@@ -96,7 +96,8 @@ def check_a_list_of_choices_closes_with_esc(d: Driver) -> None:
 
 
 def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) -> None:
-    from pointglass.viewer.window import look_panel, widgets
+    from pointglass.viewer.window.kit import widgets
+    from pointglass.viewer.window.panels import look_panel
 
     before, usual = d.session.view_settings.settings, widgets.imgui.slider_float
     header = look_panel.imgui.collapsing_header
@@ -110,7 +111,7 @@ def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) 
 
 
 def check_nothing_in_sight_says_how_to_get_back(d: Driver) -> None:
-    from pointglass.viewer.window.navigation import view_along
+    from pointglass.viewer.window.flight.navigation import view_along
 
     d.rest()
     assert not d.session.lost
@@ -127,7 +128,7 @@ def check_nothing_in_sight_says_how_to_get_back(d: Driver) -> None:
 
 
 def check_input_is_answered_while_a_slow_network_runs(d: Driver) -> None:
-    from pointglass.viewer.render import neural
+    from pointglass.viewer.render.network import neural
 
     d.resize(*SIZE)
     loaded = neural.NeuralStage._run

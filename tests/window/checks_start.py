@@ -21,7 +21,7 @@ def check_keys_do_nothing_unseen_on_the_start_page(d: Driver) -> None:
 
 
 def check_one_bad_file_does_not_discard_the_good_ones(d: Driver) -> None:
-    from pointglass.viewer.errors import InputError
+    from pointglass.viewer.common.errors import InputError
 
     bad, usual, asked = d.folder / "broken.ply", d.session.loads.open_scene, []
 
@@ -44,7 +44,7 @@ def check_one_bad_file_does_not_discard_the_good_ones(d: Driver) -> None:
 
 
 def check_a_closed_scan_is_a_recent_one_with_a_thumbnail(d: Driver) -> None:
-    from pointglass.viewer.window.recent import load_thumbnail, recent_scans
+    from pointglass.viewer.window.session.recent import load_thumbnail, recent_scans
 
     d.rest()
     d.app.act("close_scan")

@@ -64,8 +64,8 @@ def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
 
 
 def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> None:
-    from pointglass.viewer.tools.background import composite
-    from pointglass.viewer.tools.provenance_tint import shares, tinted
+    from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.picture.provenance_tint import shares, tinted
 
     before = shown(d)
     d.key("M")
@@ -86,7 +86,7 @@ def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> Non
 
 
 def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
-    from pointglass.viewer.tools.background import composite
+    from pointglass.viewer.picture.background import composite
 
     before = shown(d)
     d.key("B")
@@ -103,8 +103,8 @@ def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
 
 
 def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
-    from pointglass.viewer.tools.background import composite
-    from pointglass.viewer.tools.look import Look, tone_curves, toned
+    from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.picture.look import Look, tone_curves, toned
     from pointglass.viewer.window.interaction.editing import edit
 
     before = shown(d)

@@ -54,8 +54,8 @@ def check_neural_view(d: Driver) -> None:
 
 
 def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
-    from pointglass.viewer.render import occlusion
-    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.culling import occlusion
 
     usual, occlusion.WORTH = occlusion.WORTH, 0.0  # this room is so light that looking for what is hidden would not pay
     d.session.view_settings.request(Settings(view="filled", raster="compute"))  # software OpenGL's own hides nothing

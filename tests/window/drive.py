@@ -32,12 +32,12 @@ HEADLESS = "screenshot_equals_headless_render"
 
 def check_headless(folder: Path) -> None:
     """The screenshot again, without a window, through EGL."""
-    from pointglass.viewer.camera import from_fov
-    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.picture.camera import from_fov
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.settings import Settings
-    from pointglass.viewer.tools.background import composite
-    from pointglass.viewer.window.start_viewpoint import FIELD_OF_VIEW
+    from pointglass.viewer.window.flight.start_viewpoint import FIELD_OF_VIEW
 
     shot = np.load(folder / "shot.npz")
     context = create_context()

@@ -8,7 +8,7 @@ import numpy as np
 from driver import Driver
 from x_keyboard import focus, keys_of, xdo
 
-from pointglass.viewer.window.controls import by_chord
+from pointglass.viewer.window.shell.controls import by_chord
 
 
 def main(folder: Path) -> None:

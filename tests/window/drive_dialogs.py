@@ -149,8 +149,8 @@ def check_rows_are_clicked_and_a_folder_is_made(p: Person, folder: Path) -> None
 
 
 def check_a_moved_scan_is_located(p: Person, folder: Path) -> None:
-    from pointglass.viewer.tools.document import Document, ScanFile
-    from pointglass.viewer.tools.project import write_project
+    from pointglass.viewer.work.document import Document, ScanFile
+    from pointglass.viewer.work.project import write_project
 
     scan, project = write_ply(folder / "old place" / "moved.ply", 3.0), folder / "projects" / "p.pointglass"
     write_project(project, Document((ScanFile(str(scan)),)))

@@ -75,8 +75,8 @@ class Driver:
     def __init__(self, folder: Path):
         import glfw
 
-        from pointglass.viewer.settings import Settings
-        from pointglass.viewer.window.app import App
+        from pointglass.viewer.picture.settings import Settings
+        from pointglass.viewer.window.shell.app import App
 
         self.folder = folder
         self.app = App(Settings(view="filled"), size=SIZE, folder=folder, scale=1.0)
@@ -89,8 +89,8 @@ class Driver:
         self.app.last_view = lambda paths: None  # every visit begins at the start viewpoint
 
     def _open(self, paths):
+        from pointglass.viewer.common.progress import progress
         from pointglass.viewer.grid.open_scene import open_scene
-        from pointglass.viewer.progress import progress
 
         name = paths[0].name
         if name == "slow.ply":  # a load that lasts until it is cancelled
@@ -110,7 +110,7 @@ class Driver:
 
     def until(self, condition, seconds: float = 20.0) -> None:
         """Runs the window's own loop, which sleeps and draws nothing where nothing happens: a worker keeps the processors."""
-        from pointglass.viewer.window import app
+        from pointglass.viewer.window.shell import app
 
         end, nap = time.monotonic() + seconds, app._NAP
         app._NAP = NAP
@@ -192,7 +192,7 @@ class Driver:
             self.session.interface, self.session.notices.toasts = shown, said
 
     def rendered(self) -> np.ndarray:
-        from pointglass.viewer.tools.background import composite
+        from pointglass.viewer.picture.background import composite
 
         """What ``render`` makes of the present view, at the size of the window."""
         session = self.session

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from driver import SIZE, Driver, middle
 
-from pointglass.viewer.settings import Settings
+from pointglass.viewer.picture.settings import Settings
 
 INTERVALS = 10
 OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
@@ -254,7 +254,7 @@ class Monkey:
 
 
 def main(folder: Path, count: int, seed: int) -> None:
-    from pointglass.model.common.memory import give_back
+    from pointglass.model.common.process.memory import give_back
 
     d = Driver(folder)
     monkey = Monkey(d, seed)
@@ -287,7 +287,7 @@ def main(folder: Path, count: int, seed: int) -> None:
 
 
 if __name__ == "__main__":
-    from pointglass.model.common.background_threads import leave
+    from pointglass.model.common.process.background_threads import leave
 
     main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
     sys.exit(leave(0))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from real_window import RealWindow, until, x_display
 
-from pointglass.viewer.tools.project import read_project
-from pointglass.viewer.window.autosave import read_unsaved
+from pointglass.viewer.window.session.autosave import read_unsaved
+from pointglass.viewer.work.project import read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 

@@ -12,13 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ...model.common.atomic_write import passes_through
+from ...model.common.files.atomic_write import passes_through
 from ...model.common.seeds import MAX_SEED
-from ..errors import InputError
-from ..settings import CHOICES
+from ..common.errors import InputError
+from ..picture.settings import CHOICES
 
 if TYPE_CHECKING:
-    from ..settings import Settings
+    from ..picture.settings import Settings
     from .bench_input import Subject
 
 PROCEDURAL = 25_000_000
@@ -91,14 +91,14 @@ def parse_counts(text: str, option: str) -> list[int]:
 
 def parse_sizes(texts: list[str] | None) -> list[tuple[int, int]]:
     """Sizes of ``--size``, each a comma-separated list; 960x720 by default."""
-    from ..tools.export import parse_size
+    from ..commands.render_pictures import parse_size
 
     return [parse_size(part.strip()) for text in texts or ["960x720"] for part in text.split(",")]
 
 
 def subject_of(options: argparse.Namespace) -> "Subject":
     """The scan of a bench.  Raises InputError for contradictory options."""
-    from ..tools.demo import demo_scan
+    from ..commands.demo import demo_scan
     from .bench_input import Subject
     from .procedural_scan import ProceduralScan
 
@@ -154,7 +154,7 @@ def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the chosen bench, prints a table, and writes the requested JSON and plot.  Returns the exit status."""
-    from ..tools.files import write_json
+    from ..common.files import write_json
     from .bench_input import described, machine
 
     _check(options)
@@ -164,7 +164,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     if ignored := unused(options, settings):
         print(f"pointglass: `bench {options.kind}` ignores {', '.join(ignored)}", file=sys.stderr)
     if options.kind in NEURAL or (options.kind == "frame" and settings.view == "neural"):
-        from ...model.common.torch_process import prepare_inference
+        from ...model.common.process.torch_process import prepare_inference
 
         prepare_inference()
     result, rows, plot = _RUN[options.kind](options, settings, repeats)
@@ -193,7 +193,7 @@ Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]
 
 
 def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import frame_times
+    from .cases import frame_times
 
     sizes = parse_sizes(options.size)
     found = frame_times.run_frames(subject_of(options), sizes, settings, repeats, options.along)
@@ -201,7 +201,7 @@ def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 
 
 def _flight(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import flight_rate
+    from .cases import flight_rate
 
     size = parse_sizes(options.size or ["1280x720"])[0]
     frames = options.frames or flight_rate.FRAMES
@@ -209,26 +209,26 @@ def _flight(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 
 
 def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import grid
+    from .cases import grid
 
     return grid.run(parse_count(options.points or "10M", "--points"), repeats), grid.rows, grid.plot
 
 
 def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import opening
+    from .cases import opening
 
     return opening.run_open(subject_of(options), parse_sizes(options.size)[0], settings), opening.rows, opening.plot
 
 
 def _error(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import approximation_errors
+    from .cases import approximation_errors
 
     result = approximation_errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats, options.only)
     return result, approximation_errors.rows, approximation_errors.plot
 
 
 def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import scaling
+    from .cases import scaling
 
     counts = parse_counts(options.points, "--points") if options.points else scaling.LADDER
     size = parse_sizes(options.size)[0]
@@ -236,7 +236,7 @@ def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 
 
 def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import versus
+    from .cases import versus
 
     result = versus.run_versus(subject_of(options), parse_sizes(options.size), settings, repeats, options.frames)
     return result, versus.rows, versus.plot
@@ -259,7 +259,7 @@ def _limit_rows(result: dict) -> list[tuple[str, str]]:
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import occlusion_walk
+    from .cases import occlusion_walk
 
     points, rooms = parse_count(options.points or "100M", "--points"), options.rooms or occlusion_walk.ROOMS
     frames = options.frames or occlusion_walk.FRAMES
@@ -270,14 +270,14 @@ def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) 
 
 
 def _raster(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import rasters
+    from .cases import rasters
 
     count = parse_count(options.points or "2M", "--points")
     return rasters.run_rasters(count, parse_sizes(options.size)[0], repeats, options.seed), rasters.rows, rasters.plot
 
 
 def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from . import culling
+    from .cases import culling
 
     return culling.run_culling(parse_sizes(options.size)[0], repeats, options.seed), culling.rows, culling.plot
 

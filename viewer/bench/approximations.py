@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...model.soft_z import SOFT_RELATIVE, SoftZ
-from ..camera import Camera
+from ...model.reference.soft_z import SOFT_RELATIVE, SoftZ
+from ..picture.camera import Camera
+from ..picture.settings import Settings
 from ..render.renderer import Renderer
-from ..settings import Settings
 
 if TYPE_CHECKING:
-    from ...model.reconstruct import Reconstructor
+    from ...model.network.reconstruct import Reconstructor
     from ..grid.scene import Scene
-    from ..render.neural import NeuralStage
+    from ..render.network.neural import NeuralStage
 
 EXACT = Settings(view="filled", precision="fp32")
 """Settings of the exact frame."""
@@ -106,7 +106,7 @@ class BenchRenderer(Renderer):
         return preset if self.soft is None else replace(preset, relative=self.soft)
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
-        from ..render.neural import load_network
+        from ..render.network.neural import load_network
 
         stage = super()._neural_for(settings, background=background)
         quality, filtered, weights, precision, _ = stage.key
@@ -117,7 +117,7 @@ class BenchRenderer(Renderer):
         """(H, W, 8) half: the network's packed input for a camera."""
         import torch
 
-        from ...model.network_layout import PACKED_IN
+        from ...model.network.network_layout import PACKED_IN
 
         self.render(camera, settings, views=("neural",))
         assert self._neural is not None

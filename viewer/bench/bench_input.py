@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...model.common.processors import usable_processors
+from ...model.common.process.processors import usable_processors
 from ...model.common.system import processor_name
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
-    from ..render.context import Device
+    from ..render.device.context import Device
     from .procedural_scan import ProceduralScan
 
 

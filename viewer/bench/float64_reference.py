@@ -1,4 +1,4 @@
-"""Reference implementation of a frame: model/projection.py on all packed points, in float64 throughout.
+"""Reference implementation of a frame: model/reference/projection.py on all packed points, in float64 throughout.
 
 The float32 rasteriser, filter and fill are compared with it.  View frame: x right, y down, z forward, file units.
 """
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..camera import Camera
     from ..grid.scene import Scene
-    from ..settings import Settings
+    from ..picture.camera import Camera
+    from ..picture.settings import Settings
 
 _CHUNK = 1 << 20
 """Points processed at a time, which limits the memory."""
@@ -20,9 +20,9 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
     """Filled picture (H, W, 3) uint8, background included, and keep-mask (H, W) bool.  metre: file units per metre."""
     import torch
 
-    from ...model.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points
-    from ...model.station_weights import station_weights
-    from ..render.stations import ScannerPositions, uses_station_weights
+    from ...model.reference.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points
+    from ...model.reference.station_weights import station_weights
+    from ..render.raster.stations import ScannerPositions, uses_station_weights
 
     soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     corners = scene.cell_min - camera.position + 0.5 * scene.step

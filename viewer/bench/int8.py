@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import torch
 
-    from ...model.reconstruct import Reconstructor
+    from ...model.network.reconstruct import Reconstructor
 
 
 class Int8Error(Exception):

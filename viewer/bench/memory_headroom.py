@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...model.common.system import available_memory
-from ..settings import Memory
+from ..picture.settings import Memory
 
 POOL = Memory(gpu=2 << 30)
 """Limit of the points' memory, so that a billion points can be viewed with gigabytes to spare.  Chosen by hand."""

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...model.evaluation.open3d_points import POINT_SIZES, Open3DError, Open3DPoints
-from ..settings import Settings
+from ..picture.settings import Settings
 from .matrix_rate import synchronise
 
 if TYPE_CHECKING:
     import moderngl
     import torch
 
-    from ..camera import Camera
     from ..grid.scene import Scene
-    from ..render.cull import Culler, DrawList
+    from ..picture.camera import Camera
+    from ..render.culling.cull import Culler, DrawList
 
 COUNTED = ("raster", "filter", "network")
 """Stages in the total of the paper's pipeline."""
@@ -55,8 +55,8 @@ class PaperNetwork:
     def __init__(self, size: tuple[int, int], device: str, dtype: "torch.dtype", seed: int = 1):
         import torch
 
-        from ...model.engines import fold_normalisation
-        from ...model.unet import PaperUNet
+        from ...model.network.engines import fold_normalisation
+        from ...model.network.unet import PaperUNet
 
         width, height = size
         with torch.random.fork_rng(devices=[]):
@@ -174,7 +174,7 @@ class Published:
 def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str, float]]:
     """The fastest precision of the paper's network, measured on a small picture, and milliseconds of each.  On CUDA fp16, as
     published."""
-    from ...model.reconstruct import PRECISIONS
+    from ...model.network.reconstruct import PRECISIONS
 
     if device == "cuda":
         return "fp16", {}

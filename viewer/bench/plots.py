@@ -31,7 +31,7 @@ def save(made: "Figure", path: Path, result: dict) -> None:
     """Writes a figure with the facts of ``result`` below it, with an atomic write."""
     from matplotlib import pyplot as plt
 
-    from ...model.common.atomic_write import write_atomic
+    from ...model.common.files.atomic_write import write_atomic
 
     columns = int(made.get_figwidth() * 18)
     lines = [part for line in described(result).splitlines() for part in textwrap.wrap(line, columns)]

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from ...model.common.jit import compiled
-from ..errors import InputError
-from ..grid.grid_threads import processors
+from ..common.errors import InputError
+from ..common.text import counted
+from ..grid.building.grid_threads import processors
 from ..grid.scene import Scene
 from ..readers.source import Chunk, ScanInfo, Source
-from ..text import counted
 
 POINTS_PER_ROOM = 5_000_000
 """Default number of points per room, from two stations.  Two real rooms of this size have 3 and 12 million."""
@@ -126,8 +126,8 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     The folder has the format of ``convert``.  Raises InputError if the disk has too little space.
     """
     from ..grid import cache
+    from ..grid.building.two_passes import build_grid
     from ..grid.open_scene import in_memory
-    from ..grid.two_passes import build_grid
 
     def build(_files, allocate) -> Scene:
         facts = {

@@ -21,18 +21,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ...model.common.temporary import restrict
-from ...model.noise import MAX_VOXELS, NoiseModel
-from ..errors import InputError
-from ..grid_folder import MAGIC, is_grid
-from ..grid_folder import META as _META
-from ..paths import cache_dir
-from ..progress import progress
+from ...model.appearance.noise import MAX_VOXELS, NoiseModel
+from ...model.common.files.temporary import restrict
+from ..common.errors import InputError
+from ..common.paths import cache_dir
+from ..common.progress import progress
 from ..readers.formats import KNOWN
+from ..readers.grid_folder import MAGIC, is_grid
+from ..readers.grid_folder import META as _META
+from .building.grid_threads import processors
 from .checksum import checksum
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
-from .grid_threads import processors
-from .point_records import PointRecords, identity_of, sum_of
+from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, reserve, scratch
 
@@ -193,9 +193,9 @@ def distrust(folder: Path) -> str:
 def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
     """Builds the grid of ``files`` into ``folder`` and opens it from there.
 
-    build: called with the files and a function that gives the array of n packed points (viewer.grid.two_passes.Allocate).
-    keep_old: refuse to replace a folder that holds anything else than a grid.  Raises CacheError where the folder cannot be
-    written.  Nothing is left behind on failure or cancellation.
+    build: called with the files and a function that gives the array of n packed points
+    (viewer.grid.building.two_passes.Allocate).  keep_old: refuse to replace a folder that holds anything else than a grid.
+    Raises CacheError where the folder cannot be written.  Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
     with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY, files) as work:

@@ -15,7 +15,7 @@ STEP = 3
 """A layer and all coarser ones hold 2**STEP times the points of the coarser ones; chosen by hand."""
 MAX_LAYERS = 6
 """Layers of the largest scans; six cover 2**15 times the points of the coarsest.  Limited by the 16 geometric values of
-viewer.grid.kernels."""
+viewer.grid.building.kernels."""
 PARTS = 64
 """Parts of a run; chosen by hand."""
 EARLIER_PARTS = 8

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ...model.noise import KNOTS
-from ..grid_folder import MAGIC, META
+from ...model.appearance.noise import KNOTS
 from ..preprocess.point_attributes import layout_from
+from ..readers.grid_folder import MAGIC, META
 from .density_layers import EARLIER_PARTS, PARTS
 from .meta_check import check_meta
 
@@ -33,7 +33,7 @@ class OtherGrid(DamagedGrid):
 
 @dataclass(frozen=True, eq=False)
 class NoiseHeader:
-    """As in model.noise.NoiseModel, without the array of standard deviations."""
+    """As in model.appearance.noise.NoiseModel, without the array of standard deviations."""
 
     origin: np.ndarray
     voxel: float
@@ -46,8 +46,8 @@ class NoiseHeader:
 class GridHeader:
     """shapes: of each array.  sums: CRC-32 of each array except the points; None in folders of earlier versions, which have
     none.
-    noise: None where none was stored.  first, scan_first: as ``first`` and ``scans`` in viewer.grid.point_records, None where
-    they are not stored.  Others as in Scene."""
+    noise: None where none was stored.  first, scan_first: as ``first`` and ``scans`` in viewer.grid.records.point_records, None
+    where they are not stored.  Others as in Scene."""
 
     shapes: dict[str, tuple[int, ...]]
     sums: dict[str, int] | None

@@ -1,4 +1,4 @@
-"""Points of a scene that show another station number than the grid stores: ghosts (viewer.tools.ghosts).
+"""Points of a scene that show another station number than the grid stores: ghosts (viewer.work.ghosts).
 
 The number is put in when packed points are read, for the GPU and for tools alike; neither the cache nor a memory map changes.
 """

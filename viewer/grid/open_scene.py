@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
-from .cluster_check import OF_PLACES
-from .point_records import identity_of
+from ..common.errors import InputError
+from .building.cluster_check import OF_PLACES
+from .records.point_records import identity_of
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -30,11 +30,11 @@ def open_scene(
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
-    cache: store the grid in ``viewer.paths.cache_dir()``, and use the one stored there earlier.
+    cache: store the grid in ``viewer.common.paths.cache_dir()``, and use the one stored there earlier.
     match: give scans of one place the same exposure (viewer.preprocess.exposure_compensation), and treat implausibly frequent
     black as missing colour.  A folder made by ``convert`` has the colours it was built with; it is refused where colours as
     scanned are asked for and it has others.
-    columns: what the columns of text files are (viewer.readers.text_columns); None: they are recognised.
+    columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
     Of several files those that cannot be opened are left out, with a warning that begins with LEFT_OUT.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
     progress is cancelled.
@@ -85,11 +85,11 @@ def present(files: list[Path]) -> tuple[list[Path], list[str]]:
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
     """Reads the files, of several those that can be read, and builds their grid.
 
-    allocate: gives the arrays of the points (viewer.grid.two_passes.Allocate).
+    allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).
     """
     from ..preprocess.point_colour import Colours
     from ..readers.formats import LEFT_OUT, open_readable
-    from .two_passes import build_grid
+    from .building.two_passes import build_grid
 
     sources, left_out = open_readable(files, columns)
     while True:
@@ -153,7 +153,7 @@ def scene_from_arrays(
     Raises InputError naming the first array that does not fit.
     """
     from ..readers.arrays import ArraySource
-    from .two_passes import build_grid
+    from .building.two_passes import build_grid
 
     source = ArraySource(xyz, rgb, intensity, scan, classification)
     known = {

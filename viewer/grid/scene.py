@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from ...model.appearance.noise import NoiseModel
 from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
-from ...model.noise import NoiseModel
-from ..errors import InputError
+from ..common.errors import InputError
 from ..preprocess.point_attributes import AttributeLayout, layout_from
 from ..readers.source import Source
 from .marked_points import MarkedPoints
-from .point_records import PointRecords
+from .records.point_records import PointRecords
 
 STEPS = 65536
 """Positions of a coordinate inside a cell: 16 bits."""
@@ -53,7 +53,7 @@ class Scene:
     boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.grid.cell_boxes); None likewise.
     noise: standard deviation of a single point's colour by place and brightness, in file coordinates.  Code that shifts
         coordinates shifts ``noise.origin`` too.  None in a folder of an earlier version, where it is unknown.
-    records: running numbers of the points (viewer.grid.point_records); None in a folder of an earlier version.
+    records: running numbers of the points (viewer.grid.records.point_records); None in a folder of an earlier version.
     live: the sources, where the scene was built from them in this process; else they are opened again when they are needed.
     marked: points that show another station number than ``points`` has, put in by :func:`packed` and by
         viewer.stream.chunk_source; None: none do.

@@ -1,4 +1,4 @@
-"""Folders that are written beside their final place (model/common/temporary.py) and then take it, in two renames."""
+"""Folders that are written beside their final place (model/common/files/temporary.py) and then take it, in two renames."""
 
 import errno
 import os
@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ...model.common.signals import uninterrupted
+from ...model.common.files.temporary import temporary_folder
+from ...model.common.process.signals import uninterrupted
 from ...model.common.system import allocate, replace
-from ...model.common.temporary import temporary_folder
 
 _SPARE = 64 << 20  # bytes left free on the disk; chosen by hand
 

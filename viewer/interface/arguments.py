@@ -12,8 +12,8 @@ from typing import Any, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError, PointglassError
-from ..settings import CHOICES, Settings
+from ..common.errors import InputError, PointglassError
+from ..picture.settings import CHOICES, Settings
 
 PathLike = str | os.PathLike[str]
 
@@ -58,8 +58,8 @@ def in_python(text: str) -> str:
 
 
 class RenderSettings(TypedDict, total=False):
-    """Keyword arguments of :meth:`Scan.render`: the fields of viewer.settings.Settings but the view, whose tables say what each
-    choice means (so does ``pointglass render --help``).
+    """Keyword arguments of :meth:`Scan.render`: the fields of viewer.picture.settings.Settings but the view, whose tables say
+    what each choice means (so does ``pointglass render --help``).
 
     quality: fast, balanced, best or paper: which network.  detail: from 0 (smooth) to 2 (every measured grain); 1: by the
     scan's noise.  weights: a weights file of your own.  precision: auto, fp32, bf16 or fp16.  device: auto, cuda or cpu; of the

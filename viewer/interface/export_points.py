@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError
-from ..tools.clip import Clip, box_around
-from ..tools.exporting.command import export
-from ..tools.exporting.selection import Selection
+from ..commands.exporting.command import export
+from ..common.errors import InputError
+from ..picture.clip import Clip, box_around
+from ..work.selection import Selection
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError
-from ..settings import Memory
+from ..common.errors import InputError
+from ..picture.settings import Memory
 from .arguments import memory_of, python_names
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError
+from ..common.errors import InputError
 from .arguments import numbers_of
 
 if TYPE_CHECKING:
-    from ..grid.file_records import FileRecords
+    from ..grid.records.file_records import FileRecords
     from ..grid.scene import Scene
 
 Index = slice | int | Sequence[int] | npt.NDArray[np.integer[Any]] | npt.NDArray[np.bool_]
@@ -115,7 +115,7 @@ class Points:
 
     @property
     def _records(self) -> FileRecords:
-        from ..grid.file_records import FileRecords
+        from ..grid.records.file_records import FileRecords
 
         return FileRecords(self._scene)
 

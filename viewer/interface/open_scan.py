@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Literal, Self, Unpack, overload
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera
-from ..errors import DeviceError, InputError, is_opengl_error
-from ..progress import progress
-from ..settings import Memory, Settings, View
-from ..text import counted
-from ..tools.provenance import provenance, views_with_mask
+from ..common.errors import DeviceError, InputError, is_opengl_error
+from ..common.progress import progress
+from ..common.text import counted
+from ..picture.camera import Camera
+from ..picture.provenance import provenance, views_with_mask
+from ..picture.settings import Memory, Settings, View
 from .arguments import PathLike, RenderSettings, memory_of, path_of, python_names, settings_of
 from .measured_points import Points
 from .pictures import Frame, Picture, as_picture
@@ -69,7 +69,7 @@ class Scan:
     @property
     def info(self) -> dict[str, Any]:
         """What ``pointglass info --json`` prints: format, spacing, noise, unit, CRS, scans, warnings; ready for JSON."""
-        from ..grid.info import facts
+        from ..commands.info import facts
 
         return facts(self._open)
 
@@ -143,7 +143,7 @@ class Scan:
             return made
 
     def _picture(self, scene: Scene, camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
-        from ..tools.shot_metadata import describe_shot
+        from ..work.pictures.shot_metadata import describe_shot
 
         view = chosen.view
         try:
@@ -166,7 +166,7 @@ class Scan:
     @contextmanager
     def _turn(self) -> Iterator[None]:
         """Refuses what OpenGL cannot do: to draw on two threads, or after a fork."""
-        from ..render.context import check_not_forked
+        from ..render.device.context import check_not_forked
 
         check_not_forked()
         if not self._busy.acquire(blocking=False):
@@ -244,7 +244,7 @@ class Scan:
         return self._scene
 
     def _begin(self, scene: Scene) -> tuple[Any, Renderer]:
-        from ..render.context import create_context
+        from ..render.device.context import create_context
         from ..render.renderer import Renderer
 
         with ExitStack() as undo:
@@ -297,6 +297,6 @@ def _cameras(given: object) -> list[Camera]:
 @cache
 def prepare_network() -> None:
     """Sets the process up for the network, once: afterwards its settings are the caller's to change."""
-    from ...model.common.torch_process import prepare_inference
+    from ...model.common.process.torch_process import prepare_inference
 
     prepare_inference()

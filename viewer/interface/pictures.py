@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError
-from ..settings import BACKGROUNDS
+from ..common.errors import InputError
+from ..picture.settings import BACKGROUNDS
 from .arguments import PathLike, path_of
 
 if TYPE_CHECKING:
-    from ..tools.shot_metadata import Shot
+    from ..work.pictures.shot_metadata import Shot
 
 _OTHER_ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 """Endings besides .png that a picture may be saved with; such files hold no description."""
@@ -62,13 +62,13 @@ class Picture(np.ndarray):
             raise InputError('background "transparent": a JPEG has no transparency; save a PNG, or choose another background')
         try:
             if ending == ".png":
-                from ..tools.files import write_png
+                from ..common.files import write_png
 
                 write_png(file, image, self._description(file, background))
             else:
                 from PIL import Image
 
-                from ...model.common.atomic_write import write_atomic
+                from ...model.common.files.atomic_write import write_atomic
 
                 write_atomic(file, lambda beside: Image.fromarray(image).save(beside, Image.registered_extensions()[ending]))
         except OSError as error:
@@ -76,7 +76,7 @@ class Picture(np.ndarray):
 
     def _over(self, background: str) -> np.ndarray:
         """The array as it is written to a file, with three channels, or four that are not premultiplied."""
-        from ..tools.background import as_saved
+        from ..picture.background import as_saved
 
         if background not in BACKGROUNDS:
             raise InputError(f"background {background!r}: expected one of {', '.join(BACKGROUNDS)}")
@@ -88,7 +88,7 @@ class Picture(np.ndarray):
 
     def _description(self, file: Path, background: str) -> dict[str, str] | None:
         """How the picture was made; None where that is not known, or the pixels are not those that were made."""
-        from ..tools.shot_metadata import KEY
+        from ..work.pictures.shot_metadata import KEY
 
         shot = self._shot
         if shot is None or (shot.camera.height, shot.camera.width, 4) != self.shape or checksum(self) != self._checksum:

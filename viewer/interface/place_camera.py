@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..camera import Camera, from_fov
-from ..camera import look_at as _pose
-from ..errors import InputError
+from ..common.errors import InputError
+from ..picture.camera import Camera, from_fov
+from ..picture.camera import look_at as _pose
 from .arguments import PathLike, path_of, python_names, vector_of
 
 
@@ -52,7 +52,7 @@ def read_cameras(path: PathLike, *, size: tuple[int, int] | None = None) -> list
 
     size: (width, height) every camera is resized to.  Raises InputError, one line with file, frame and value.
     """
-    from ..tools.camera_files import read_cameras as read
+    from ..work.cameras.camera_files import read_cameras as read
 
     with python_names():
         return read(path_of(path), size=size)
@@ -70,7 +70,7 @@ def write_cameras(
     Names are read back where they are file names, each once; others are changed by :func:`read_cameras`.
     Raises InputError naming the first camera that the format cannot hold.
     """
-    from ..tools.camera_files import write_camera_path, write_transforms
+    from ..work.cameras.camera_files import write_camera_path, write_transforms
 
     file = path_of(path)
     listed = [cameras] if isinstance(cameras, Camera) else list(cameras)

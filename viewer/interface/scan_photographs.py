@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..camera import Camera
-from ..errors import InputError
+from ..common.errors import InputError
+from ..picture.camera import Camera
 from .pictures import Picture, as_picture
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
-    from ..readers.e57_photographs import PinholeLens
-    from ..readers.e57_pictures import StoredPicture
+    from ..readers.e57.e57_photographs import PinholeLens
+    from ..readers.e57.e57_pictures import StoredPicture
 
 _LONGEST = 1 << 16
 """Pixels of the longer side of a decoded photograph: larger than those of any scanner, so that none is reduced."""
@@ -38,12 +38,12 @@ class Photograph:
     @property
     def image(self) -> Picture:
         """(H, W, 3) uint8 sRGB, decoded each time it is asked for.  Raises InputError where it is damaged."""
-        from ..readers.e57_pictures import picture_of
+        from ..readers.e57.e57_pictures import picture_of
 
         return as_picture(picture_of(self._stored, _LONGEST)[0])
 
     def _repr_png_(self) -> bytes | None:
-        from ..readers.e57_pictures import picture_of
+        from ..readers.e57.e57_pictures import picture_of
 
         return as_picture(picture_of(self._stored, 1024)[0])._repr_png_()
 
@@ -56,8 +56,8 @@ def photographs_of(scene: "Scene") -> list[Photograph]:
         if source.suffix.lower() != ".e57" or not source.is_file():
             before = None
             continue
-        from ..readers.e57_photographs import pinhole_lenses
-        from ..readers.e57_pictures import stored_pictures
+        from ..readers.e57.e57_photographs import pinhole_lenses
+        from ..readers.e57.e57_pictures import stored_pictures
 
         lenses, scans, count = pinhole_lenses(source)
         for stored in stored_pictures(source):

@@ -1,15 +1,15 @@
 """Exposure compensation: gives scans of one place the same brightness, once, while the grid is built.
 
-Pass 1 keeps a thinned sample of the points. :mod:`model.exposure` finds a gain for every station, and :mod:`model.scan_runs`
-one for every run of points where runs still differ; pass 2 applies them. A station is a scan of an E57, a point source of a
-LAS or LAZ file, or one of several files. The gains are described in ``meta["exposures"]`` and ``meta["passes"]`` and by
-``pointglass info``; ``--exposures as-scanned`` leaves all colours as the file has them.
+Pass 1 keeps a thinned sample of the points. :mod:`model.appearance.exposure` finds a gain for every station, and
+:mod:`model.appearance.scan_runs` one for every run of points where runs still differ; pass 2 applies them. A station is a scan
+of an E57, a point source of a LAS or LAZ file, or one of several files. The gains are described in ``meta["exposures"]`` and
+``meta["passes"]`` and by ``pointglass info``; ``--exposures as-scanned`` leaves all colours as the file has them.
 """
 
 import numpy as np
 
-from ...model.exposure import exposures_of
-from ...model.scan_runs import RunGains, solve_run_gains
+from ...model.appearance.exposure import exposures_of
+from ...model.appearance.scan_runs import RunGains, solve_run_gains
 from ..readers.source import Chunk
 from .black_border import DARK, black_border_share
 from .valid_positions import is_position

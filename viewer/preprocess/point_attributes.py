@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..common.text import counted
 from ..readers.source import AS_STORED, Chunk
-from ..text import counted
 
 CODES = 256
 """Class codes: 8 bits, as in LAS 1.4."""

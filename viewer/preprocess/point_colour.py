@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..progress import progress
+from ..common.progress import progress
 from ..readers.source import Chunk, Source
 from .black_border import DARK
 from .exposure_compensation import MOST_STATIONS, ExposureCompensation

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..common.errors import InputError
 from .source import CHUNK, Chunk, Records, ScanInfo, Source
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..text import counted, plain
+from ..common.text import counted, plain
 
 _MOST = 255
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..common.errors import InputError
 from .class_codes import OddClasses, class_codes
 from .odd_colours import colours_counted
 from .source import AS_STORED, Chunk, Records, ScanInfo, Source, stretch

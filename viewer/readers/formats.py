@@ -10,9 +10,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
-from ..grid_folder import is_grid
-from .utf16 import as_utf8
+from ..common.errors import InputError
+from .grid_folder import is_grid
+from .text.utf16 import as_utf8
 
 if TYPE_CHECKING:
     from .source import Source
@@ -32,17 +32,17 @@ class Format:
 
 
 FORMATS = (
-    Format(("E57",), ("e57", "E57Source"), (".e57",), (b"ASTM",)),
-    Format(("LAS", "LAZ", "COPC"), ("las", "LasSource"), (".las", ".laz"), (b"LASF",)),
-    Format(("PLY",), ("ply", "PlySource"), (".ply",), (b"ply\n", b"ply\r")),
-    Format(("PCD",), ("pcd", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
-    Format(("PTS",), ("pts", "open_pts"), (".pts",), takes_columns=True),
-    Format(("PTX",), ("ptx", "PtxSource"), (".ptx",)),
-    Format(("ESRI grid",), ("esri_grid", "EsriGridSource"), (".asc",), (b"ncols", b"NCOLS", b"nrows", b"NROWS")),
-    Format(("XYZ", "TXT", "CSV", "ASC"), ("xyz", "XyzSource"), (".xyz", ".txt", ".csv", ".asc"), takes_columns=True),
-    Format(("Potree",), ("potree1", "Potree1Source"), entry=("cloud.js", ())),
-    Format(("Potree",), ("potree2", "Potree2Source"), entry=("metadata.json", ("octree.bin", "hierarchy.bin"))),
-    Format(("EPT",), ("ept", "EptSource"), entry=("ept.json", ())),
+    Format(("E57",), ("e57.e57_source", "E57Source"), (".e57",), (b"ASTM",)),
+    Format(("LAS", "LAZ", "COPC"), ("las.las_source", "LasSource"), (".las", ".laz"), (b"LASF",)),
+    Format(("PLY",), ("ply.ply_source", "PlySource"), (".ply",), (b"ply\n", b"ply\r")),
+    Format(("PCD",), ("pcd.pcd_source", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
+    Format(("PTS",), ("text.pts", "open_pts"), (".pts",), takes_columns=True),
+    Format(("PTX",), ("text.ptx", "PtxSource"), (".ptx",)),
+    Format(("ESRI grid",), ("text.esri_grid", "EsriGridSource"), (".asc",), (b"ncols", b"NCOLS", b"nrows", b"NROWS")),
+    Format(("XYZ", "TXT", "CSV", "ASC"), ("text.xyz", "XyzSource"), (".xyz", ".txt", ".csv", ".asc"), takes_columns=True),
+    Format(("Potree",), ("octree.potree1", "Potree1Source"), entry=("cloud.js", ())),
+    Format(("Potree",), ("octree.potree2", "Potree2Source"), entry=("metadata.json", ("octree.bin", "hierarchy.bin"))),
+    Format(("EPT",), ("octree.ept", "EptSource"), entry=("ept.json", ())),
 )
 _FILES = [name for row in FORMATS if not row.entry for name in row.names]
 _FOLDERS = list(dict.fromkeys(name for row in FORMATS if row.entry for name in row.names))
@@ -59,7 +59,8 @@ _GDAL_ADDRESS = re.compile(r"/vsi\w+/")
 _DESCRIBING = (".js", ".json")  # suffixes of files that describe a folder
 _MOST_DESCRIBING, _DESCRIPTION_BYTES = 20, 1 << 16
 """Files of a folder that are looked at, and bytes of each, to find the one that describes it; chosen by hand."""
-_KEYS = {"potree1": (b"octreeDir", b"boundingBox"), "potree2": (b"hierarchy", b"encoding"), "ept": (b"schema", b"dataType")}
+_KEYS = {"octree.potree1": (b"octreeDir", b"boundingBox"), "octree.potree2": (b"hierarchy", b"encoding"),
+         "octree.ept": (b"schema", b"dataType")}
 """JSON keys by which the file that describes a folder is recognised, by module of its reader."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 _ANYTHING = (".txt", ".csv", ".asc")
@@ -161,8 +162,8 @@ def check_file(path: Path) -> None:
 def open_source(path: Path, columns: str | None = None) -> "Source":
     """The reader for ``path``, with a warning where the suffix belongs to another format.
 
-    columns: the columns of a text file (viewer.readers.text_columns); None: they are recognised.  Other formats ignore them.
-    Raises InputError for files of unknown format, and the errors of the reader.
+    columns: the columns of a text file (viewer.readers.text.text_columns); None: they are recognised.  Other formats ignore
+    them.  Raises InputError for files of unknown format, and the errors of the reader.
     """
     path = entry_of(path)
     check_file(path)
@@ -176,11 +177,11 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
         head = as_utf8(head)
     row = folder_format(path) or next((row for row in FORMATS if head.startswith(row.magic or (b"\0" * _HEAD,))), None)
     if row is None and suffix in _TEXTS:
-        from .esri_grid import is_grid_text, other_grid
+        from .text.esri_grid import is_grid_text, other_grid
 
         if grid := other_grid(head):
             raise InputError(f"{path}: is a {grid}, which is not read; export it as ESRI ASCII grid or as points x y z")
-        row = next(row for row in FORMATS if row.reader[0] == "esri_grid") if is_grid_text(head) else None
+        row = next(row for row in FORMATS if row.reader[0] == "text.esri_grid") if is_grid_text(head) else None
     if row is None:
         row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
         if row is None or b"\0" in head or _packed(head):

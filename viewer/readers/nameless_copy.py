@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ...model.common.system import path_of_descriptor
-from ..errors import InputError
+from ..common.errors import InputError
 
 
 def can_copy() -> bool:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..text import counted, plain
+from ..common.text import counted, plain
 
 FULL = 65535
 

@@ -7,8 +7,8 @@ Also how far compressed data may unpack: what a few kilobytes claim to hold must
 import os
 from pathlib import Path
 
-from ..errors import InputError
-from ..file_names import leads_elsewhere
+from ..common.errors import InputError
+from ..common.file_names import leads_elsewhere
 
 MOST_RATIO = 1000
 """Times its size to which compressed data may unpack; constant columns of real points reach a few hundred.  Chosen by hand."""

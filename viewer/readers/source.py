@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..common.errors import InputError
 
 CHUNK = 1 << 20
 """Points of the largest chunk; chosen by hand: 24 MB of coordinates."""

@@ -12,42 +12,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...model.common.memory import give_back
-from ...model.soft_z import SoftZ
-from ..errors import DeviceLostError, InputError
-from ..settings import MEMORY, VIEWS, Memory, Settings
-from ..text import bytes_text, counted
-from .choose_raster import RASTERISERS as RASTERISERS
-from .choose_raster import fastest, make_rasteriser
-from .context import LOST, context_lost, describe_device
-from .cull import Culler, DrawList
-from .deferred_network import camera_key as camera_key
-from .deferred_network import finish_network, start_network
-from .device_failure import DeviceMemoryError
-from .edits import Edits, block_of, without_clipped_cells
-from .enclosed_directions import OPEN, Directions, Enclosure
-from .fill import Fill
-from .filter import DepthFilter
-from .filter_cpu import CpuDepthFilter
+from ...model.common.process.memory import give_back
+from ...model.reference.soft_z import SoftZ
+from ..common.errors import DeviceLostError, InputError
+from ..common.text import bytes_text, counted
+from ..picture.settings import MEMORY, VIEWS, Memory, Settings
+from .culling.cull import Culler, DrawList
+from .culling.enclosed_directions import OPEN, Directions, Enclosure
+from .culling.occlusion import History, Occlusion, may_hide
+from .device.context import LOST, context_lost, describe_device
+from .device.device_failure import DeviceMemoryError
+from .device.shader import Programs
 from .frame import Frame
-from .noise_level import NoiseLevel
-from .occlusion import History, Occlusion, may_hide
-from .points import PointPages
-from .raster import Rasteriser
-from .raster_compute import ComputeRasteriser
-from .raster_cpu import CpuRasteriser
-from .shader import Programs
+from .network.deferred_network import camera_key as camera_key
+from .network.deferred_network import finish_network, start_network
+from .passes.fill import Fill
+from .passes.filter import DepthFilter
+from .passes.filter_cpu import CpuDepthFilter
+from .passes.noise_level import NoiseLevel
+from .raster.choose_raster import RASTERISERS as RASTERISERS
+from .raster.choose_raster import fastest, make_rasteriser
+from .raster.edits import Edits, block_of, without_clipped_cells
+from .raster.points import PointPages
+from .raster.raster import Rasteriser
+from .raster.raster_compute import ComputeRasteriser
+from .raster.raster_cpu import CpuRasteriser
+from .raster.stations import Confidence, ScannerPositions, uses_station_weights
 from .sized_passes import SizedPasses
 from .stage_times import Stages
-from .stations import Confidence, ScannerPositions, uses_station_weights
 
 if TYPE_CHECKING:
     import moderngl
 
-    from ..camera import Camera
     from ..grid.scene import Scene
-    from .device_class import Workgroup
-    from .neural import NeuralStage
+    from ..picture.camera import Camera
+    from .device.device_class import Workgroup
+    from .network.neural import NeuralStage
 
 _WORTH_HALVING = 64 << 20
 """Bytes of points below which giving half of them back is not tried: a choice."""
@@ -127,7 +127,7 @@ class Renderer(SizedPasses):
             raise DeviceLostError(LOST)
         self._resize((camera.width, camera.height), self.device.texture_limit)
         if "neural" in views:  # before anything is drawn
-            from .bridge import check_room
+            from .network.bridge import check_room
 
             check_room(self.device, self._size)
         stages = self._stages
@@ -307,7 +307,7 @@ class Renderer(SizedPasses):
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
         """The network's stage.  background: what can be prepared on another thread is, and the first pictures do without."""
-        from .neural import NeuralStage
+        from .network.neural import NeuralStage
 
         device = settings.device if settings.device != "auto" else self._device
         key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)

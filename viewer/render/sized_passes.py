@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-from ..errors import DeviceError
+from ..common.errors import DeviceError
 
 if TYPE_CHECKING:
-    from .fill import Fill
-    from .filter import DepthFilter
-    from .filter_cpu import CpuDepthFilter
-    from .neural import NeuralStage
-    from .noise_level import NoiseLevel
-    from .raster import Rasteriser
-    from .stations import Confidence
+    from .network.neural import NeuralStage
+    from .passes.fill import Fill
+    from .passes.filter import DepthFilter
+    from .passes.filter_cpu import CpuDepthFilter
+    from .passes.noise_level import NoiseLevel
+    from .raster.raster import Rasteriser
+    from .raster.stations import Confidence
 
 _NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
 """Attributes of SizedPasses that belong to one picture size."""

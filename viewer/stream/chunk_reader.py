@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ...model.common.processors import usable_processors
-from ..settings import MEMORY
+from ...model.common.process.processors import usable_processors
+from ..picture.settings import MEMORY
 from .chunk_source import ChunkSource
 
 READ_AHEAD = MEMORY.read_ahead

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...model.common.system import read_at
-from ..errors import InputError
+from ..common.errors import InputError
 from ..grid.cache import distrust
 from ..grid.checksum import checksum
 from ..grid.scene import CHUNK

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import InputError
+from ..common.errors import InputError
 from ..grid.scene import CHUNK
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ....model.common.system import available_memory
+from ...common.progress import progress
 from ...grid.open_scene import scene_from_arrays
-from ...progress import progress
 from . import frame_claims, point_claims, station_claims
 from .exact_claims import depth_faults
 from .network_claims import network_rows
@@ -43,8 +43,8 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     Returns rows, failed (their names), curves, network (table), opengl, size, seed.
     """
-    from ....model.weights_folder import shipped, weights_name
-    from ...render.context import create_context, describe_device
+    from ....model.network.weights_folder import shipped, weights_name
+    from ...render.device.context import create_context, describe_device
 
     context, other = create_context(), create_context()
     renderers = frame_claims.Renderers(context)
@@ -109,7 +109,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from ....model.common.atomic_write import write_atomic
+    from ....model.common.files.atomic_write import write_atomic
 
     labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
               "filled": "filled picture, PSNR in dB"}

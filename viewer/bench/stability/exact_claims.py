@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...camera import Camera
     from ...grid.scene import Scene
+    from ...picture.camera import Camera
 
 _FLOAT32 = 2.0**-21
 """Largest rounding error relative to the largest coordinate: eight roundings of 2**-24 each."""
@@ -39,15 +39,16 @@ def exact_view(xyz: np.ndarray, camera: "Camera") -> np.ndarray:
 
 def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: float, scan: np.ndarray | None = None,
                   places: np.ndarray | None = None) -> Truth:
-    """The picture by ``model.projection`` in float64 from unpacked points, with presets ``auto``.  spacing: file units.
+    """The picture by ``model.reference.projection`` in float64 from unpacked points, with presets ``auto``.  spacing: file
+    units.
 
     scan, places: (N,) station of each point and (S, 3) scanner positions, file coordinates, for view-dependent blending; None:
     equal weights.
     """
     import torch
 
-    from ....model.projection import SoftZ, frame, network_input, pixels
-    from ....model.station_weights import station_weights
+    from ....model.reference.projection import SoftZ, frame, network_input, pixels
+    from ....model.reference.station_weights import station_weights
 
     x, y, z = torch.from_numpy(exact_view(xyz, camera)).unbind(1)
     index, inside = pixels(x, y, z, camera)

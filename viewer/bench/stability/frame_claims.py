@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import InputError
+from ...common.errors import InputError
 from ...grid.open_scene import scene_from_arrays
 from ...grid.scene import Scene
+from ...picture.settings import Settings
 from ...render.renderer import Renderer
-from ...settings import Settings
 from .exact_claims import Agreement, agreement, depth_faults, exact_picture
 from .scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
 
 if TYPE_CHECKING:
     import moderngl
 
-    from ...camera import Camera
+    from ...picture.camera import Camera
 
 VIEWS = ("raw", "filtered", "filled")
 """Views that are rendered.  This and the ranges below were chosen by hand, well beyond those of real scans."""
@@ -39,8 +39,8 @@ LIMITS = {"depth": 0.005, "depth_99": 0.01, "moved": 0.005, "mask": 0.005, "fill
 
 Packing moves a point by about 1/1000 of the spacing, so that one pixel in a thousand shows another point.  The depth filter
 decides for blocks of pixels: at a threshold, a single pixel can change up to 1 % of a picture, therefore medians over views are
-compared.  The room is closed, but whether viewer.render.enclosed_directions detects this depends on the points of its sample:
-near a wall, a few degrees may remain open."""
+compared.  The room is closed, but whether viewer.render.culling.enclosed_directions detects this depends on the points of its
+sample: near a wall, a few degrees may remain open."""
 
 HELD, LOST = 8.0, 2.0
 """Point spacings in steps of float64 (2**-52 of the largest coordinate).  A scan with at least HELD must be rendered, one with

@@ -1,9 +1,9 @@
 """Errors of the networks in each precision on ordinary and extreme inputs, against the network in float64.
 
 The networks run as in a frame: on a CPU, convolutions in that precision and blends in compiled loops.  The float64 network is
-the reference implementation in :mod:`model.unet`.
-Inputs are packed half floats as from the renderer (see :mod:`model.reconstruct`): a procedural place at scales from 1e-3 to
-1e6, and synthetic masks that no scan produces.
+the reference implementation in :mod:`model.network.unet`.
+Inputs are packed half floats as from the renderer (see :mod:`model.network.reconstruct`): a procedural place at scales from
+1e-3 to 1e6, and synthetic masks that no scan produces.
 """
 
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from ....model.network_layout import CLOSED, PACKED_IN
-from ....model.projection import SoftZ, frame, network_input, pixels
-from ....model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
-from ....model.unet import INPUT_CHANNELS
-from ....model.weights_folder import weights_name
+from ....model.network.network_layout import CLOSED, PACKED_IN
+from ....model.network.reconstruct import PRECISIONS, Reconstructor, fitting_weights
+from ....model.network.unet import INPUT_CHANNELS
+from ....model.network.weights_folder import weights_name
+from ....model.reference.projection import SoftZ, frame, network_input, pixels
 from .exact_claims import exact_view
 from .frame_claims import SCALES, row
 from .scenes import view_inside, walls

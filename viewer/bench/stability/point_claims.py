@@ -12,8 +12,8 @@ import numpy as np
 from ....model.common.linear_light import TO_LINEAR, TO_SRGB
 from ...grid.open_scene import scene_from_arrays
 from ...grid.scene import Scene
+from ...picture.settings import FILTERS, Settings
 from ...render.renderer import RASTERISERS
-from ...settings import FILTERS, Settings
 from .frame_claims import Renderers, arrays_of, different, place_at, row
 from .scenes import axis_camera, direction, placed, view_inside, walls
 from .station_claims import scanned

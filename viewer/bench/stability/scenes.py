@@ -7,7 +7,7 @@ cells are exact.  Everything is random, float64, and depends only on the seed.
 
 import numpy as np
 
-from ...camera import Camera, from_fov, look_at
+from ...picture.camera import Camera, from_fov, look_at
 
 ROOM = np.array([8.0, 6.0, 4.0])
 """Size of the room, place units.  Chosen by hand."""

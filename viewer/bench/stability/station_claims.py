@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....model.station_constants import HEAVIEST
-from ...errors import InputError
+from ....model.reference.station_constants import HEAVIEST
+from ...common.errors import InputError
 from ...grid.open_scene import scene_from_arrays
 from ...grid.scene import Scene
+from ...picture.settings import Settings
 from ...render.renderer import RASTERISERS
-from ...settings import Settings
 from . import frame_claims
 from .exact_claims import Agreement, agreement, exact_picture
 from .frame_claims import Renderers, arrays_of, different, place_at, row

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from .. import theme
-from ..theme import Theme, fitted, text_in
-from ..widgets import button, compact_button, hint
+from ..kit import theme
+from ..kit.theme import Theme, fitted, text_in
+from ..kit.widgets import button, compact_button, hint
 from .entries_table import draw_entries
 from .file_choice import FileChoice
 from .file_dialogs import FileDialogs

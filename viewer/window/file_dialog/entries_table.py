@@ -4,8 +4,8 @@ from datetime import datetime
 
 from imgui_bundle import ImVec2, imgui
 
-from .. import theme
-from ..theme import Theme, fitted, packed, text_in
+from ..kit import theme
+from ..kit.theme import Theme, fitted, packed, text_in
 from .file_choice import FileChoice
 from .folder_list import Entry, size_text
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..worker import Worker
+from ..kit.worker import Worker
 from .chosen_path import Examined, examine, pasted
 from .folder_list import Entry, FolderList, natural, words
 

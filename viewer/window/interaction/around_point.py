@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...tools.approach import approach
-from ...tools.pick import nearest_pixel
-from ..navigation import view_along
-from ..orbit import orbited, panned, zoomed
+from ...work.places.approach import approach
+from ...work.places.pick import nearest_pixel
+from ..flight.navigation import view_along
+from ..flight.orbit import orbited, panned, zoomed
 from .editing import metres_per_unit
 
 if TYPE_CHECKING:
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
     from .tool import PointerEvent, ToolContext
 
 RADIUS = 24.0

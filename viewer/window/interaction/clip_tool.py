@@ -1,6 +1,6 @@
 """Clip: boxes and slabs with handles.  A handle sits on each face; dragging it moves that face along its normal.
 
-The rule of how clips combine is that of viewer.tools.clip; everything is a step in the document's history.
+The rule of how clips combine is that of viewer.picture.clip; everything is a step in the document's history.
 """
 
 from dataclasses import replace
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...tools.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
-from ...tools.document import replaced, unique_name, without
+from ...picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
+from ...work.document import replaced, unique_name, without
 from .editing import edit, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""

@@ -10,15 +10,15 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...grid.scene import unpack
-from ...render.edits import ends_of
-from ...tools.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
-from ...tools.pick import station_name
+from ...picture.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
+from ...render.raster.edits import ends_of
+from ...work.places.pick import station_name
 from .editing import edit, unit_of
 from .tool import Overlay, Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 POINT_VIEWS = ("raw", "filtered")
 _MOST_ROWS = 12  # of a legend
@@ -52,7 +52,7 @@ class AttributeLegend(Overlay):
             return
         if context.session.work.tint:
             return
-        from ..legend import draw_legend, draw_ramp
+        from ..kit.legend import draw_legend, draw_ramp
 
         title = COLOUR_BY[look.colour_by]
         if look.colour_by in ("class", "station"):

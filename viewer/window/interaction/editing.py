@@ -1,19 +1,19 @@
 """What all tools share to change the document: one step that can be undone, undo and redo, and picking; and the camera as text.
 
-Their keys are in viewer.window.controls.
+Their keys are in viewer.window.shell.controls.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import PointglassError
-from ...tools.clip import contains
-from ...tools.measure import MeasuredPoint, unit_name
-from ...tools.pick import Picked, pick, surface_around
-from ...tools.shot_metadata import camera_line, parse_camera_line
-from ..navigation import view_along
-from ..worker import Worker
+from ...common.errors import PointglassError
+from ...picture.clip import contains
+from ...work.measure import MeasuredPoint, unit_name
+from ...work.pictures.shot_metadata import camera_line, parse_camera_line
+from ...work.places.pick import Picked, pick, surface_around
+from ..flight.navigation import view_along
+from ..kit.worker import Worker
 
 if TYPE_CHECKING:
     from ...render.frame import Frame

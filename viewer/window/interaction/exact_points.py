@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ...tools.pick import Picked, exactly, is_quick
-from ..worker import Worker
+from ...work.places.pick import Picked, exactly, is_quick
+from ..kit.worker import Worker
 
 if TYPE_CHECKING:
     from .tool import ToolContext

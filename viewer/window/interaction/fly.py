@@ -10,7 +10,7 @@ from .tool import PointerEvent, Tool, ToolContext
 from .walk_mode import WalkMode
 
 if TYPE_CHECKING:
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 DRAG = 3.0
 """Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...text import coordinate, plain
-from ...tools.look import CLASSES
-from ...tools.pick import Picked, is_quick, surface_around
+from ...common.text import coordinate, plain
+from ...picture.look import CLASSES
+from ...work.places.pick import Picked, is_quick, surface_around
 from .editing import Pointing, unit_of
 from .exact_points import ExactPoints
 from .tool import Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 
 def lines_of(picked: Picked, context: ToolContext) -> list[str]:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import PointglassError
-from ...tools.document import replaced, unique_name, without
-from ...tools.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
-from ...tools.pick import Picked
+from ...common.errors import PointglassError
+from ...work.document import replaced, unique_name, without
+from ...work.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from ...work.places.pick import Picked
 from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area"}
 

@@ -7,11 +7,11 @@ that is chosen become one undoable step each.
 from dataclasses import replace
 from typing import Any
 
-from ...errors import InputError
+from ...common.errors import InputError
 from ...readers import crs
-from ...tools.reference import UNITS, unit_name_of
-from .. import theme
-from ..worker import Worker
+from ...work.reference import UNITS, unit_name_of
+from ..kit import theme
+from ..kit.worker import Worker
 from .editing import edit
 from .tool import ToolContext
 

@@ -5,13 +5,13 @@ The order is that of the buttons; Fly stays first because it receives what the s
 
 from .clip_tool import ClipOutlines, ClipTool
 from .colours import AttributeLegend, Colours
-from .film_tool import Film
+from .film.film_tool import Film
 from .fly import Fly
 from .inspect_point import InspectPoint, UnderPointer
 from .measure import Measure, Measurements
 from .scene_settings import SceneSettings
-from .section_tool import SectionTool
-from .stations import Stations
+from .section.section_tool import SectionTool
+from .stations.stations_tool import Stations
 from .tool import Overlay, Tool, Toolbox
 from .what_is_real import WhatIsReal
 

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ..image_texture import texture_of
+from ..kit.image_texture import texture_of
 
 if TYPE_CHECKING:
     import moderngl
 
-    from ...camera import Camera
     from ...grid.scene import Scene
+    from ...picture.camera import Camera
     from ..file_dialog.file_dialogs import FileDialogs
-    from ..overlay import OverlayCanvas
-    from ..save_actions import SaveActions
-    from ..session import Session
-    from ..theme import Theme
-    from ..viewport import Viewport
+    from ..kit.overlay import OverlayCanvas
+    from ..kit.theme import Theme
+    from ..saving.save_actions import SaveActions
+    from ..session.session import Session
+    from ..viewport.viewport import Viewport
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class KeyEvent:
 
 
 class Clipboard:
-    """Text that is copied and pasted; here kept in memory, in a window the system's (viewer.window.app)."""
+    """Text that is copied and pasted; here kept in memory, in a window the system's (viewer.window.shell.app)."""
 
     def __init__(self) -> None:
         self._text = ""
@@ -102,7 +102,7 @@ class ToolContext:
 
     @property
     def document(self) -> Any:
-        """The Document (viewer.tools.document) that the session works on."""
+        """The Document (viewer.work.document) that the session works on."""
         return self.session.document
 
     @property

@@ -3,10 +3,10 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ...tools.exporting.selection import Selection
-from ...tools.walk_map import WalkMap, build_walk_map
-from ..walking import PACE, stand
-from ..worker import Worker
+from ...work.places.walk_map import WalkMap, build_walk_map
+from ...work.selection import Selection
+from ..flight.walking import PACE, stand
+from ..kit.worker import Worker
 from .editing import end, ended, metres_per_unit
 
 if TYPE_CHECKING:

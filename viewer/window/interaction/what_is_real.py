@@ -2,13 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
-from ...tools.provenance_tint import COLOURS, NAMES, Shares, shares
+from ...picture.provenance_tint import COLOURS, NAMES, Shares, shares
 from .editing import edit
 from .tool import Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...render.frame import Frame
-    from ..overlay import OverlayCanvas
+    from ..kit.overlay import OverlayCanvas
 
 
 class WhatIsReal(Tool):
@@ -60,7 +60,7 @@ class WhatIsReal(Tool):
         self._count(context)
         rows = self.lines()
         if rows:
-            from ..legend import draw_legend  # imgui: this module is read without a window, too
+            from ..kit.legend import draw_legend  # imgui: this module is read without a window, too
 
             draw_legend(overlay, [(COLOURS[key], text) for key, text in rows])
 

@@ -1,0 +1,1 @@
+"""Colours of a scan: exposure between its stations, noise, point spacing."""

@@ -1,0 +1,121 @@
+"""Exposure compensation between scanner stations: gains that make the stations agree on the surfaces that they share.
+
+Gains act on sRGB values: a factor in linear light is nearly a factor there too, because sRGB is nearly a power law, and dark
+colours, where it is not, have little weight.  The true brightness is unknown, so the stations' mean gain is held at 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .spacing import median_spacing
+
+DARKEST, BRIGHTEST = 20, 240
+"""sRGB values between which neither noise nor clipping dominates.  Chosen by hand."""
+VOXEL_SPACINGS = 6.0
+"""Side of a voxel in point spacings.  Chosen by hand."""
+SHARED_VOXELS = 300
+"""Fewest voxels shared by two stations for an estimate.  Chosen by hand."""
+_REACH = 1 << 17
+"""Largest distance from the median position, in voxels.  Points beyond are outliers, and voxel numbers must fit 64 bits."""
+LARGEST_GAIN = 1.6
+"""Ratio beyond which two stations differ in more than exposure.  Chosen by hand."""
+LARGEST_SPREAD = 0.35
+"""Largest standard deviation of a pair's log ratios (1.48 x median absolute deviation).  Chosen by hand."""
+_MAX_PAIR_VOXELS = 20_000
+"""Shared voxels beyond which a pair's weight grows no further.  Chosen by hand."""
+_MIN_SPREAD = 0.01
+"""Smallest standard deviation in a pair's weight.  Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class Exposures:
+    """Solved gains.
+
+    gains: (S, 3), factors of each scan's sRGB values.  shared: (S, S), number of voxels that two scans share.  matched: (S,)
+    bool, False where a scan shares too little with the others or differs in more than exposure.
+    """
+
+    gains: np.ndarray
+    shared: np.ndarray
+    matched: np.ndarray
+
+
+def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing: float) -> Exposures:
+    """Gains that make the scans agree where they overlap, by least squares over all pairs.
+
+    xyz: (N, 3) float64.  rgb: (N, 3) uint8.  scan: (N,) ints from 0.  spacing: point spacing of these points, same unit.  Each
+    pair contributes the median log ratio of the mean colours in its shared voxels.  Scans without a usable pair keep gain 1.
+    """
+    scan = scan.astype(np.int64)
+    count = int(scan.max(initial=-1)) + 1
+    gains, shared = np.ones((count, 3)), np.zeros((count, count), int)
+    if len(xyz):
+        near = (np.abs(xyz - np.median(xyz, axis=0)) <= _REACH * VOXEL_SPACINGS * spacing).all(axis=1)
+        xyz, rgb, scan = xyz[near], rgb[near], scan[near]
+    low = xyz.min(0) if len(xyz) else 0.0
+    steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
+    means, voxels, owners = _voxel_means(steps, rgb, scan, count)
+    own = [(voxels[mine], means[mine]) for mine in (owners == number for number in range(count))]
+    rows, weights, ratios = [], [], []
+    for a in range(count):
+        for b in range(a + 1, count):
+            _, ia, ib = np.intersect1d(own[a][0], own[b][0], assume_unique=True, return_indices=True)
+            first, second = own[a][1][ia], own[b][1][ib]
+            usable = np.minimum(first, second).min(1, initial=255) > DARKEST
+            usable &= np.maximum(first, second).max(1, initial=0) < BRIGHTEST
+            shared[a, b] = shared[b, a] = int(usable.sum())
+            if usable.sum() < SHARED_VOXELS:
+                continue
+            log = np.log(second[usable] / first[usable])
+            middle = np.median(log, 0)
+            spread = 1.4826 * np.median(np.abs(log - middle), 0).max()
+            if spread > LARGEST_SPREAD or np.abs(middle).max() > np.log(LARGEST_GAIN):
+                continue
+            row = np.zeros(count)
+            row[a], row[b] = 1.0, -1.0
+            rows.append(row)
+            ratios.append(middle)
+            weights.append(np.sqrt(min(int(usable.sum()), _MAX_PAIR_VOXELS)) / max(spread, _MIN_SPREAD))
+    matched = np.zeros(count, bool)
+    if rows:
+        weight = np.array(weights)[:, None]
+        links = np.array(rows)
+        # log gain_a - log gain_b = log(colour_b / colour_a); the minimum-norm solution has mean zero in each linked group
+        solved = np.linalg.lstsq(links * weight, np.array(ratios) * weight, rcond=None)[0]
+        matched = np.any(links != 0, axis=0)
+        gains[matched] = np.exp(solved[matched])
+        for group in _groups(links, matched):
+            gains[group] *= np.mean(1 / gains[group], axis=0)  # the mean of the stations' own gains, 1 / gains, is then 1
+    return Exposures(gains, shared, matched)
+
+
+def _groups(links: np.ndarray, matched: np.ndarray) -> list[np.ndarray]:
+    """The connected sets of scans, as index arrays."""
+    from scipy.sparse.csgraph import connected_components
+
+    _, label = connected_components((links != 0).T.astype(int) @ (links != 0).astype(int), directed=False)
+    return [np.flatnonzero(label == k) for k in np.unique(label[matched])]
+
+
+def _voxel_means(steps: np.ndarray, rgb: np.ndarray, scan: np.ndarray, count: int):
+    """Mean colour of each scan in each voxel: means (M, 3), voxel numbers (M,), scans (M,)."""
+    if not len(steps):
+        return np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, int)
+    spans = steps.max(0) + 1
+    key = ((steps[:, 0] * spans[1] + steps[:, 1]) * spans[2] + steps[:, 2]) * count + scan
+    unique, index, number = np.unique(key, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(index, rgb[:, c], len(unique)) for c in range(3)], 1) / number[:, None]
+    return means, unique // count, unique % count
+
+
+def match_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> np.ndarray:
+    """(N, 3) uint8 colours with the gains of :func:`solve_exposures` applied; solved on a seeded sample of the points."""
+    gains = exposures_of(xyz, rgb, scan, sample).gains
+    return np.clip(np.rint(rgb * gains.astype(np.float32)[scan]), 0, 255).astype(np.uint8)
+
+
+def exposures_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> Exposures:
+    """:func:`solve_exposures` on a seeded sample of the points, with the sample's point spacing."""
+    pick = np.random.default_rng(0).choice(len(xyz), min(len(xyz), sample), replace=False)
+    return solve_exposures(xyz[pick], rgb[pick], scan[pick], median_spacing(xyz[pick]))

@@ -1,0 +1,136 @@
+"""Compiled loops of model.appearance.noise: sampling of neighbourhoods, and residuals of points from their neighbours."""
+
+import numpy as np
+
+from ..common.jit import compiled
+
+NEAR, FAR = 7, 20
+"""Neighbours that predict a point, at two scales: texture makes the far prediction worse, noise does not.  Chosen by hand."""
+_RIDGE = 0.02
+"""Regularisation, as a share of the neighbours' mean squared distance: no slope is fitted along a direction in which the
+surface is thinner.  Chosen by hand."""
+STRIDE = 2
+"""One point in two is predicted; all points are neighbours."""
+
+
+@compiled(nogil=True, inline="always")
+def _mix(key):
+    """Hash of a uint64: the finaliser of MurmurHash3 (Appleby 2011)."""
+    key ^= key >> np.uint64(33)
+    key *= np.uint64(0xFF51AFD7ED558CCD)
+    key ^= key >> np.uint64(33)
+    key *= np.uint64(0xC4CEB9FE1A85EC53)
+    return key ^ (key >> np.uint64(33))
+
+
+@compiled(nogil=True)
+def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
+    """Selects the points of sampled neighbourhoods: a lattice cell is divided into side**3 boxes, some of which are sampled.
+
+    xyz: (n, 3) float64.  low: (3,) float64, the lattice's corner.  inverse: 1 / side of a lattice cell.  sides: (X, Y, Z)
+    int32, boxes along the side of each cell, 0 in empty cells.  A box is sampled where the hash of its position and ``salt`` is
+    below ``limit`` (both uint64).  Writes rows (n,) int64 and boxes (n,) uint64, the hash that identifies the box; returns
+    their number.
+    """
+    used, ny, nz = 0, sides.shape[1], sides.shape[2]
+    last, of_cell, side = np.int64(-1), np.uint64(0), np.int64(0)
+    for i in range(xyz.shape[0]):
+        x = (xyz[i, 0] - low[0]) * inverse
+        y = (xyz[i, 1] - low[1]) * inverse
+        z = (xyz[i, 2] - low[2]) * inverse
+        if not (x >= 0 and y >= 0 and z >= 0 and x < sides.shape[0] and y < ny and z < nz):  # false for NaN
+            continue
+        cx, cy, cz = np.int64(x), np.int64(y), np.int64(z)
+        cell = (cx * ny + cy) * nz + cz
+        if cell != last:  # most points are in the same cell as the previous one
+            last, side, of_cell = cell, np.int64(sides[cx, cy, cz]), _mix(np.uint64(cell) + salt)
+        if side == 0:
+            continue
+        bx, by, bz = np.int64((x - cx) * side), np.int64((y - cy) * side), np.int64((z - cz) * side)
+        key = _mix(of_cell ^ np.uint64((bx * side + by) * side + bz))
+        if key < limit:
+            rows[used], boxes[used] = i, key
+            used += 1
+    return used
+
+
+@compiled(nogil=True)
+def residuals(xyz, value, starts, near, far):
+    """Residuals of points' values from the plane fitted to their neighbours' values, scaled to the variance of one point.
+
+    xyz: (n, 3) float32, near the origin.  value: (n,) float32.  starts: (S + 1,) int64, start of each segment (the points of
+    one group in one neighbourhood).  Neighbours are the nearest points of the same segment, whose points ascend in x, so that
+    the search ends early.  Writes near and far (n,) float32 for one point in STRIDE, from NEAR and FAR neighbours (fewer in
+    smaller segments, which must have at least three points).
+    """
+    index, square = np.empty(FAR, np.int64), np.empty(FAR, np.float32)
+    for s in range(len(starts) - 1):
+        begin, end = starts[s], starts[s + 1]
+        for i in range(begin, end, STRIDE):
+            found, worst = 0, np.float32(np.inf)
+            x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            before, after = i - 1, i + 1
+            while True:  # search outwards on both sides, the nearer in x first
+                below = x - xyz[before, 0] if before >= begin else np.float32(np.inf)
+                above = xyz[after, 0] - x if after < end else np.float32(np.inf)
+                if below <= above:
+                    dx, j = below, before
+                    before -= 1
+                else:
+                    dx, j = above, after
+                    after += 1
+                if not dx * dx < worst or dx == np.inf:
+                    break
+                dy, dz = xyz[j, 1] - y, xyz[j, 2] - z
+                d = dx * dx + dy * dy + dz * dz
+                if d >= worst:
+                    continue
+                k = found if found < FAR else FAR - 1
+                while k > 0 and square[k - 1] > d:
+                    square[k], index[k] = square[k - 1], index[k - 1]
+                    k -= 1
+                square[k], index[k] = d, j
+                found = min(found + 1, FAR)
+                if found == FAR:
+                    worst = square[FAR - 1]
+            near[i] = _residual(xyz, value, i, index, square, min(NEAR, found))
+            far[i] = _residual(xyz, value, i, index, square, found)
+
+
+@compiled(nogil=True)
+def _residual(xyz, value, i, index, square, count):
+    """Value i minus the prediction of a plane fitted to ``count`` neighbours, over that difference's standard deviation for
+    noise of 1."""
+    mean_x = mean_y = mean_z = mean = size = 0.0
+    for k in range(count):
+        j = index[k]
+        mean_x += xyz[j, 0]
+        mean_y += xyz[j, 1]
+        mean_z += xyz[j, 2]
+        mean += value[j]
+        size += square[k]
+    mean_x, mean_y, mean_z, mean = mean_x / count, mean_y / count, mean_z / count, mean / count
+    ridge = _RIDGE * size + 1e-30
+    a = d = f = ridge
+    b = c = e = 0.0
+    gx = gy = gz = 0.0
+    for k in range(count):
+        j = index[k]
+        x, y, z, v = xyz[j, 0] - mean_x, xyz[j, 1] - mean_y, xyz[j, 2] - mean_z, value[j] - mean
+        a, b, c, d, e, f = a + x * x, b + x * y, c + x * z, d + y * y, e + y * z, f + z * z
+        gx, gy, gz = gx + x * v, gy + y * v, gz + z * v
+    # the inverse of the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)), applied to the point's position
+    x, y, z = xyz[i, 0] - mean_x, xyz[i, 1] - mean_y, xyz[i, 2] - mean_z
+    m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
+    m11, m12, m22 = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * m00 + b * m01 + c * m02
+    sx = (m00 * x + m01 * y + m02 * z) / determinant
+    sy = (m01 * x + m11 * y + m12 * z) / determinant
+    sz = (m02 * x + m12 * y + m22 * z) / determinant
+    variance = 1.0 + 1.0 / count
+    for k in range(count):
+        j = index[k]
+        w = sx * (xyz[j, 0] - mean_x) + sy * (xyz[j, 1] - mean_y) + sz * (xyz[j, 2] - mean_z)
+        variance += w * w
+    predicted = mean + sx * gx + sy * gy + sz * gz
+    return np.float32((value[i] - predicted) / np.sqrt(variance))

@@ -1,0 +1,1 @@
+"""Files written beside and renamed, temporary ones, the state folder."""

@@ -1,0 +1,1 @@
+"""The process: signals, threads, memory, what native code prints."""

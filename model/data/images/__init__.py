@@ -1,0 +1,1 @@
+"""Photographs and RGB-D frames with poses, as training data."""

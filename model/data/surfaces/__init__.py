@@ -1,0 +1,1 @@
+"""Scans as training data: meshes, projection, painting."""

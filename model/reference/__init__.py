@@ -1,0 +1,1 @@
+"""What the shaders must equal: plain implementations in torch and NumPy, and the constants that both share."""

@@ -1,0 +1,96 @@
+"""Hole filling (inpainting) without learning: a pull-push pyramid.  Reference implementation of the shaders ``fill_*.comp``.
+
+Pull: each coarser pixel is the weighted mean of its four children, and its weight is the sum of theirs, at most 1.  Push: from
+the coarsest level down, a pixel is completed to weight 1 from the bilinearly sampled coarser level (Grossman and Dally 1998;
+Marroquim et al. 2007).  Measured pixels change only where their weight is below 1 (model/reference/station_weights.py).
+
+Gaps are filled from the background.  A gap wider than the point spacing of the nearer surface cannot belong to that surface,
+because the surface would have been measured there.  Therefore, among the four children of the pull and the four samples of the
+push, those clearly nearer than the farthest are left out at levels whose pixels are wider than their surface's point spacing.
+Both follow from the depth feature (:func:`model.reference.projection.depth_feature`): the difference of two features is a depth
+ratio, and a feature alone is the point spacing in pixels.  Both tests are linear ramps in the feature, so that a picture
+changes continuously with the camera.
+"""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from .fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset  # fmt: skip
+from .pyramid import bilinear, clamped, quads
+
+DEPTH = 3
+"""Channel of the depth feature."""
+
+
+def pull_push(image: Tensor, mask: Tensor) -> Tensor:
+    """Fills the pixels outside ``mask``.
+
+    image: (C, H, W) float.  Where C > 3, channel 3 is the depth feature, and all channels are filled from the background.
+    mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
+    where the weight is 1; all zeros where nothing is measured.
+    """
+    by_depth = len(image) > DEPTH
+    weight = mask.to(image.dtype)
+    sums, weights = [image * weight], [weight]
+    while max(weights[-1].shape) > 1:
+        parts, shares = quads(sums[-1], 0.0), quads(weights[-1], 0.0)
+        level = len(weights) - 1
+        if by_depth and level >= FIRST_LEVEL:
+            kept = background([_feature(part, share) for part, share in zip(parts, shares, strict=True)], level)
+            parts = [keep * part for keep, part in zip(kept, parts, strict=True)]
+            shares = [keep * share for keep, share in zip(kept, shares, strict=True)]
+        a, b, c, d = shares
+        total = (a + b) + (c + d)
+        p, q, r, s = parts
+        value = (p + q) + (r + s)
+        scale = torch.where(total > 1.0, 1.0 / total.clamp_min(1.0), torch.ones_like(total))
+        sums.append(value * scale)
+        weights.append(total.clamp_max(1.0))
+    filled = sums[-1] / weights[-1].clamp_min(1e-20)
+    for level in range(len(weights) - 2, -1, -1):
+        weight = weights[level]
+        gated = by_depth and level + 1 >= FIRST_LEVEL
+        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 if gated else None)
+    return filled
+
+
+def background(features: Sequence[Tensor], level: int) -> list[Tensor]:
+    """Weights 0..1 of four neighbouring samples of a level: 0 where a sample is clearly nearer than the farthest of them and
+    the point spacing of its surface is clearly smaller than the level's pixels.  The farthest has weight 1.
+
+    features: four depth features of one shape.  level: 2^level pixels a side.
+    """
+    a, b, c, d = features
+    farthest = torch.maximum(torch.maximum(a, b), torch.maximum(c, d))
+    nearer = [((farthest - f) * NEARER_SCALE - NEARER_START).clamp(0.0, 1.0) for f in features]
+    wider = [(f * WIDER_SCALE + wider_offset(level)).clamp(0.0, 1.0) for f in features]
+    return [1.0 - n * w for n, w in zip(nearer, wider, strict=True)]
+
+
+def _feature(part: Tensor, share: Tensor) -> Tensor:
+    """Depth feature of a child.  part: (C, H, W) sums.  share: (H, W) their weights."""
+    return torch.where(share > 0, part[DEPTH] / share.clamp_min(1e-20), EMPTY_FEATURE)
+
+
+def _sampled(coarse: Tensor, height: int, width: int, level: int | None) -> Tensor:
+    """Samples a filled coarser level at the finer level's pixel centres: bilinear, borders repeated, background only.
+
+    coarse: (C, h, w).  level: of ``coarse``; None: bilinear without a test.  The weights are 9, 3, 3, 1 of 16, as in
+    :func:`model.reference.pyramid.bilinear`.
+    """
+    if level is None:
+        return bilinear(coarse, height, width)
+    columns = []
+    for side in (-1, 1):
+        rows = []
+        for vertical in (-1, 1):
+            a, b = coarse, clamped(coarse, side, 0)
+            c, d = clamped(coarse, 0, vertical), clamped(coarse, side, vertical)
+            i, j, k, m = background([x[DEPTH] for x in (a, b, c, d)], level)
+            i, j, k = 9.0 * i, 3.0 * j, 3.0 * k
+            total = (i + j) + (k + m)
+            rows.append(((i * a + j * b) + (k * c + m * d)) / total)
+        columns.append(torch.stack(rows, -2).flatten(-3, -2))
+    return torch.stack(columns, -1).flatten(-2)[..., :height, :width]

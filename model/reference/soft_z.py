@@ -1,0 +1,41 @@
+"""Depth tolerance of the soft z-buffer: the points that a pixel averages (paper, "Point Cloud Projection").
+
+Shared by the shaders' host code and the torch reference implementation (model/reference/projection.py); imports no torch.
+"""
+
+from dataclasses import dataclass
+
+SOFT_RELATIVE = 1.0 / 128.0
+"""Tolerance of ``auto`` as a share of depth; SOFT_SPACINGS is its lower limit.  Chosen by hand."""
+SOFT_SPACINGS = 1.0
+"""Lower limit of the tolerance of ``auto``, in point spacings of the scan.  Chosen by hand."""
+PAPER_SOFT_METRES = 0.02
+"""The tolerance of the paper, in metres."""
+MAX_AVERAGED = 255
+"""Largest count of averaged points: it is stored in 8 bits, and the noise level divides by the root of at most this number."""
+
+
+@dataclass(frozen=True)
+class SoftZ:
+    """A pixel averages the points within max(relative x zmin, absolute) behind its nearest point, at depth zmin.
+
+    absolute: file units.  rounded: the pixel of the published code, which rounds u and v instead of truncating them.
+    linear: colours are averaged in 12-bit linear light; otherwise in sRGB, as the paper's code does.
+    unlit: black points have missing colour: they occlude, but are not averaged.
+    """
+
+    relative: float
+    absolute: float
+    rounded: bool = False
+    linear: bool = False
+    unlit: bool = False
+
+    @staticmethod
+    def preset(name: str, spacing: float, metre: float, *, unlit: bool = False) -> "SoftZ":
+        """The tolerance of a key of viewer.picture.settings.SOFT_Z: ``auto``, ``paper-code`` or ``paper-text``.
+
+        spacing: point spacing, file units.  metre: file units in a metre.  unlit: ignored by the paper's presets.
+        """
+        if name == "auto":
+            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing, linear=True, unlit=unlit)
+        return SoftZ(0.0, PAPER_SOFT_METRES * metre, rounded=name == "paper-code")

@@ -1,0 +1,101 @@
+"""``pointglass convert``: writes the grid of scans into a folder, which can then be opened like a scan."""
+
+import logging
+import os
+from functools import partial
+from pathlib import Path
+
+from ...model.common.files.folders import made_folder
+from ..common.errors import InputError
+from ..common.file_names import inside
+from ..common.text import counted
+from ..grid import cache
+from ..grid.open_scene import as_paths, build_scene, each_once, present
+from ..grid.scene import Scene
+
+_log = logging.getLogger(__name__)
+_NAMED = 8  # scans that could not be read and are named in the message, besides the first; chosen by hand
+
+
+def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | None = None) -> Scene:
+    """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match, columns: as for open_scene.
+
+    An earlier grid in ``out`` is replaced once the new one is complete.  Where ``out`` is a link, the folder it leads to is
+    replaced.  Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad
+    input; nothing partial is left behind.
+    """
+    files, out = as_paths(paths), Path(out)
+    files, left_out = present(files)
+    for line in left_out:
+        _log.warning("%s", line)
+    place = _place_of(out)
+    with made_folder(place, make=False):
+        return cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)
+
+
+def _place_of(out: Path) -> Path:
+    """The folder that ``--out`` leads to, links followed.  Raises InputError where it cannot be replaced by a grid."""
+    place = Path(os.path.realpath(out))  # a rename would replace the link, not the folder
+    if place.is_symlink():
+        raise InputError(f"{out}: is a link that leads back to itself; give --out a folder that is not there yet")
+    if place.exists() and not place.is_dir():
+        raise InputError(f"{out}: is a file; give a new or empty folder to --out")
+    here = Path(os.path.realpath(os.curdir))
+    if place == here or place in here.parents:
+        raise InputError(f"{out}: is the folder this runs in, or holds it; give --out a folder that is not there yet")
+    if os.path.ismount(place):
+        raise InputError(f"{out}: a disk is mounted there; give --out a folder inside it that is not there yet")
+    if place.is_dir() and (name := cache.stranger(place)):
+        raise InputError(f"{out}: holds other files ({name}); give a new or empty folder to --out")
+    return place
+
+
+def scans_in(paths: list[Path]) -> list[Path]:
+    """The given files, and of each folder the scans directly inside it, by name.  Raises InputError where it holds none."""
+    from ..readers.formats import KNOWN, entry_of, is_scan
+
+    found: list[Path] = []
+    for path in as_paths(paths):
+        inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
+        if not inside:
+            raise InputError(f"{path}: holds no scan; name its .txt, .csv and .asc files one by one, or give an {KNOWN}")
+        found += inside
+    return each_once(found)
+
+
+def convert_each(
+    paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True, columns: str | None = None
+) -> list[Path]:
+    """Builds the grid of each scan into ``out/NAME``; returns the folders, including those built earlier.
+
+    paths: files, or folders of scans.  shard: (i, n), only every n-th scan from the i-th on, so that n processes or machines
+    share the work without communicating.  If a scan cannot be read, the others are still converted; then InputError is raised
+    at the end, which names all such scans and the error of the first.  Raises it at once where two scans would have the same
+    name.
+    """
+    from ..readers.formats import name_of
+
+    files = scans_in(paths)
+    names: dict[str, Path] = {}
+    for file in files:
+        name = name_of(file)
+        if name in names:
+            raise InputError(f"{file}: {names[name]} would have the same folder, {out / name}; convert them separately")
+        names[name] = file
+    made: list[Path] = []
+    wrong: dict[str, str] = {}
+    for name, file in list(names.items())[shard[0] :: shard[1]]:
+        folder = inside(out, name)
+        try:
+            kept = cache.load(folder, [file])
+            if kept is None or kept.meta.get("match") != match:
+                convert([file], folder, match=match, columns=columns)
+            made.append(folder)
+        except InputError as error:
+            wrong[file.name] = str(error)
+    if wrong:
+        first, *others = wrong
+        more = f" (and {', '.join(others[:_NAMED])}{', ...' if len(others) > _NAMED else ''})" if others else ""
+        where = "" if shard == (0, 1) else " of this shard"
+        raise InputError(f"{wrong[first]}{more}; {counted(len(made), 'grid')}{where} in {out}")
+    return made

@@ -1,0 +1,136 @@
+"""``pointglass export``: measured points only; never a filled pixel or a colour that the network made.
+
+The files are read again and whole records are copied.  A project is exported as it is seen: without hidden scans and stations,
+and only what its clips leave.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from ....model.common.files.atomic_write import passes_through, write_atomic
+from ...common.errors import InputError
+from ...common.files import replaced_text
+from ...common.text import bytes_text, counted
+from ...readers.grid_folder import is_grid
+from ...work.pictures.altered_pictures import edits_of
+from ...work.selection import Selection, clips_of
+from ..open_project import opened
+from .losses import Losses
+from .reproject import target_of
+from .targets import bytes_needed, check_ending, write
+
+_FOLDER_FILES = ("cloud.js", "ept.json", "metadata.json")
+"""Files that describe a scan of many files in their folder."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options besides scans and exposures."""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="F",
+        help="the file to write; its ending decides the format: .las, .laz, .ply, .e57",
+    )
+    parser.add_argument(
+        "--clip",
+        action="append",
+        default=[],
+        metavar="BOX",
+        help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up",
+    )
+    parser.add_argument(
+        "--reproject",
+        metavar="EPSG",
+        help="transform the coordinates into this reference system, such as EPSG:32632; auto: the UTM zone of the scan",
+    )
+    parser.add_argument(
+        "--all-columns",
+        action="store_true",
+        help="PLY: also write columns besides coordinates, colour, intensity, scan and class, and 16-bit colours",
+    )
+
+
+def export(
+    selection: Selection, out: Path, *, columns: str | None = None, matched: bool = False, all_columns: bool = False,
+    reproject: str | None = None, note: Callable[[str], None] | None = None,
+) -> int:  # fmt: skip
+    """Writes the records of a selection; returns how many.
+
+    columns: what the columns of text files are, as for viewer.grid.open_scene.  matched: colours with compensated exposures, as
+    the scene shows them, instead of the files'.  all_columns: PLY only, see ply_writer.  reproject: an EPSG code
+    or "auto", the UTM zone (see reproject); None: coordinates as they are.  note: called with one line about what
+    the file cannot hold, where there is such.
+    Raises InputError; then nothing is left behind.
+    """
+    from ...grid.open_scene import about_several
+
+    check_ending(out)
+    target = None if reproject is None else target_of(reproject)
+    if out.is_dir() or passes_through(out):
+        raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist; make {out.parent} first")
+    _check_not_source(selection, out)
+    free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, selection)
+    if free < needed:
+        raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
+    losses, written = Losses(), [0]
+    for text in about_several(selection.scene.meta.get("warnings") or []):
+        losses.add(text)
+
+    def fill(path: Path) -> None:
+        written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)
+
+    sources = [path for path in map(Path, selection.scene.meta.get("sources") or []) if path.exists()]
+    try:
+        write_atomic(out, fill, sources=sources)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
+    if losses and note is not None:
+        note(losses.text)
+    return written[0]
+
+
+def _check_not_source(selection: Selection, out: Path) -> None:
+    """Raises InputError where the file to write is a scan that is read, by whatever name, or belongs to a grid."""
+    if (grid := next((folder for folder in out.resolve().parents if is_grid(folder)), None)) is not None:
+        raise InputError(f"--out {out}: is inside {grid}, a folder made by convert; choose another name")
+    for source in selection.scene.meta.get("sources") or []:
+        path = Path(source)
+        same = out.exists() and path.exists() and os.path.samefile(path, out)
+        inside = path.name.lower() in _FOLDER_FILES and path.parent.resolve() in out.resolve().parents
+        if same or inside or out.resolve() == path.resolve():
+            raise InputError(f"--out {out}: is the scan itself, or inside its folder; choose another name")
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command.  Returns the exit code."""
+    check_ending(options.out)
+    if options.reproject is not None:
+        target_of(options.reproject)
+    boxes = clips_of(options.clip)
+    matched = options.exposures == "matched"
+    # colours are read from the files; the grid that the window keeps in the cache serves as well as any
+    scene, document = opened(options, match=matched or not options.no_cache)
+    selection = Selection(scene, document.clips, boxes, edits_of(document.alterations).hidden_in(scene))
+
+    def note(text: str) -> None:
+        print(f"pointglass: {options.out}: {text}", file=sys.stderr)
+
+    replaced = replaced_text(options.out)
+    count = export(
+        selection,
+        options.out,
+        columns=options.columns,
+        matched=matched,
+        all_columns=options.all_columns,
+        reproject=options.reproject,
+        note=note,
+    )
+    print(f"{counted(count, 'point')} in {options.out}{replaced}")
+    return 0

@@ -1,0 +1,1 @@
+"""One writer a format of an export: whole records copied, or columns."""

@@ -1,0 +1,197 @@
+"""The records of a scene's files, read again, and which of them are selected.
+
+Numbers of points are running numbers: positions in the order in which the sources' ``chunks`` yield points, over all sources.
+Frame: file coordinates.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...common.errors import InputError
+from ...common.progress import progress
+from ...grid.records.point_records import identity_of
+from ...picture.clip import contains
+from ...readers.source import Records, ScanInfo, Source
+from ...work.selection import BLOCK
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...work.selection import Selection
+
+_LAST = 255
+"""Scan number that all later scans share in a grid of 8 bits a scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanNumbers:
+    """Which scan of the scene each record is of.
+
+    before: (S,) number of the first scan of each source.  turns: by source that was split into stations, ascending running
+    numbers of the points with which its second and later stations begin.  first: (S,) running number of each source's first
+    point; only needed for ``turns``.
+    """
+
+    before: list[int]
+    turns: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def of(self, source: int, first: int, scan: int | np.ndarray, count: int) -> np.ndarray:
+        """(count,) int64.  first: running number of the first record.  scan: as in Chunk."""
+        if source in self.turns:
+            numbers = np.arange(first, first + count)
+            return self.before[source] + np.searchsorted(self.turns[source], numbers, side="right")
+        return np.broadcast_to(np.asarray(scan, np.int64) + self.before[source], count)
+
+
+def scan_numbers(scene: "Scene", sources: list[Source]) -> ScanNumbers:
+    """Which scans of the scene belong to which source; from ``Scene.meta``."""
+    known = scene.meta.get("records") or {}
+    if len(known.get("scans", ())) == len(sources):
+        before = np.concatenate([[0], np.cumsum(known["scans"])[:-1]]).astype(int).tolist()
+        return ScanNumbers(before, {int(source): np.array(turns, np.int64) for source, turns in known.get("turns", {}).items()})
+    before, turns, at, running = [], {}, 0, 0
+    scans = scene.meta.get("scans") or []
+    for number, source in enumerate(sources):
+        before.append(at)
+        stations = 0
+        while (
+            at + stations < len(scans) and scans[at + stations].get("inferred") and _is_station(scans[at + stations], stations)
+        ):
+            stations += 1
+        counts = [int(scan["count"]) for scan in scans[at : at + (stations or len(source.scans))]]
+        if stations:
+            turns[number] = running + np.cumsum(counts)[:-1]
+        running += sum(counts)
+        at += stations or len(source.scans)
+    return ScanNumbers(before, turns)
+
+
+def _is_station(scan: dict, index: int) -> bool:
+    return str(scan.get("name", "")).endswith(f", station {index + 1}")
+
+
+class SourceRecords:
+    """The selected records of the sources of a scene.  Raises InputError where a source cannot be read."""
+
+    def __init__(self, selection: "Selection", columns: str | None = None, *, matched: bool = False):
+        from ...readers.formats import open_sources
+
+        self.selection, self.scene = selection, selection.scene
+        paths = [Path(path) for path in self.scene.meta["sources"]]
+        columns = columns or (self.scene.meta.get("records") or {}).get("columns")
+        self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns)
+        self.numbers = scan_numbers(self.scene, self.sources)
+        self._ghosts = self._hidden_ghosts()
+        self.colours = _shown_colours(self.scene) if matched and self.scene.matched else None
+        """(N, 3) uint8 by running number, with matched exposures; None where those of the files are written."""
+
+    @property
+    def everything(self) -> bool:
+        """Whether nothing is left out."""
+        chosen = self.selection
+        return not (chosen.clips or chosen.within or chosen.hidden)
+
+    @property
+    def count(self) -> int | None:
+        """Records of all sources, as their headers state them; None where one does not."""
+        counts = [source.count for source in self.sources]
+        return None if None in counts else sum(count or 0 for count in counts)
+
+    def scan_info(self) -> list[ScanInfo]:
+        """Name and position of each scan of the scene."""
+        found = []
+        for number, scan in enumerate(self.scene.meta.get("scans") or []):
+            place = scan.get("position")
+            position = None if place is None else (float(place[0]), float(place[1]), float(place[2]))
+            found.append(ScanInfo(str(scan.get("name") or f"scan {number + 1}"), position))
+        return found
+
+    def records(self, label: str) -> Iterator[tuple[int, np.ndarray | None, np.ndarray, Records]]:
+        """Yields (source, mask, scan numbers, records) of all pieces of all sources, with progress; mask as of :meth:`mask`."""
+        running = 0
+        with self.meter(label) as meter:
+            for number, source in enumerate(self.sources):
+                for found in source.record_chunks():
+                    records = self._coloured(found, running)
+                    scans = self.numbers.of(number, running, records.scan, len(records.xyz))
+                    yield number, self.mask(running, records.xyz, scans), scans, records
+                    running += len(records.xyz)
+                    meter.update(len(records.xyz))
+
+    def _coloured(self, records: Records, first: int) -> Records:
+        """The records with matched exposures, where these are written and the records have colours."""
+        if self.colours is None or records.rgb is None:
+            return records
+        return replace(records, rgb=self.colours[first : first + len(records.xyz)])
+
+    def meter(self, label: str):
+        return progress(self.count or 0, label, "point")
+
+    def mask(self, first: int, xyz: np.ndarray, scans: np.ndarray) -> np.ndarray | None:
+        """(n,) bool: which records are selected; None: all.  first: running number of the first.  scans: (n,) of each."""
+        if self.everything:
+            return None
+        chosen = self.selection
+        hidden = [number for number in chosen.hidden if self.scene.marked is None or number != self.scene.marked.station]
+        kept = contains(chosen.clips, xyz) & contains(chosen.within, xyz)
+        if hidden:
+            kept &= ~(np.isin(scans, hidden) | ((scans > _LAST) & (_LAST in hidden)))
+        if len(self._ghosts):
+            low, high = np.searchsorted(self._ghosts, (first, first + len(xyz)))
+            kept[self._ghosts[low:high] - first] = False
+        return kept
+
+    def _hidden_ghosts(self) -> np.ndarray:
+        """Ascending running numbers of passers-by that are hidden."""
+        marked = self.scene.marked
+        if marked is None or marked.station not in self.selection.hidden:
+            return np.empty(0, np.int64)
+        records = self.scene.records
+        if records is None:
+            raise InputError(
+                "hidden passers-by cannot be left out: this grid does not tell which points of the file they are; "
+                "convert the scan again, or show them"
+            )
+        return np.sort(records.numbers(marked.numbers))
+
+
+def why_gone(scene: "Scene") -> str | None:
+    """Why the files of a scene cannot be read again; None where they can."""
+    files = (scene.meta.get("records") or {}).get("files") or [[path] for path in scene.meta.get("sources") or []]
+    for name, *state in files:
+        try:
+            if identity_of(Path(name))[1:] != state and state:
+                return f"{Path(name).name} has changed since the grid was built"
+        except OSError as error:
+            return f"{Path(name).name} cannot be read ({error.strerror or error})"
+    return None if files or scene.live else "the points were not read from files"
+
+
+def _shown_colours(scene: "Scene") -> np.ndarray:
+    """(N, 3) uint8, by running number: the colours of the grid; 0 for records that the grid leaves out."""
+    from ...grid.open_scene import in_memory
+    from ...grid.scene import colours, packed
+
+    if scene.records is None:
+        raise InputError(
+            "--exposures matched: this grid does not tell which points of the file its colours belong to; convert the "
+            "scan again, or export the colours of the file"
+        )
+    found = in_memory("colours", (int(scene.records.first[-1]), 3), np.uint8)
+    found[:] = 0
+    for start in range(0, scene.count, BLOCK):
+        rows = slice(start, min(start + BLOCK, scene.count))
+        found[scene.records.numbers(rows)] = colours(packed(scene, rows))
+    return found
+
+
+def refuse_empty(scene: "Scene") -> InputError:
+    """The error where a selection leaves no point."""
+    low, high = ([f"{value:.3f}" for value in corner] for corner in scene.bounds)
+    return InputError(
+        "the clips and hidden stations leave no point; the scan lies between "
+        f"{','.join(low)} and {','.join(high)} (file coordinates)"
+    )

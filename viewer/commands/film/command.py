@@ -1,0 +1,183 @@
+"""``pointglass video``: a camera path, as a video or a sequence of pictures."""
+
+import argparse
+import json
+import math
+from dataclasses import asdict, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ... import __version__
+from ...common.errors import InputError
+from ...common.files import replaced_text
+from ...common.text import counted
+from ...work.cameras.path import frame_name, interpolate
+from ...work.document import Alterations
+from ...work.project import to_json
+from .frames import FrameMaker
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+    from ...picture.settings import Settings
+    from ...render.renderer import Renderer
+
+FRAMES_A_SECOND = 24.0
+MOST_FRAMES = 1_000_000
+_LARGEST_TIMING = 1e300
+"""Frames a second or seconds that a file may state; JSON allows whole numbers that no float holds."""
+PANORAMA_SIZE = (4096, 2048)
+MP4 = (".mp4", ".m4v", ".mov")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options besides scans, settings and memory."""
+    parser.add_argument("--path", type=Path, required=True, metavar="F",
+                        help="camera_path.json, or any other camera file that `render --cameras` takes")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.mp4|DIR",
+                        help="an H.264 video, or a folder for one PNG a frame")
+    parser.add_argument("--size", metavar="WxH", help="picture size in pixels (default: that of the path; a panorama: "
+                        f"{PANORAMA_SIZE[0]}x{PANORAMA_SIZE[1]})")
+    parser.add_argument("--fps", type=float, metavar="N",
+                        help=f"frames a second (default: the path's, else {FRAMES_A_SECOND:g})")
+    parser.add_argument("--seconds", type=float, metavar="S",
+                        help="take the cameras as keyframes of a smooth path of this length, at constant speed (default: the "
+                             "path's own length; where its cameras are as many, one frame each)")
+    parser.add_argument("--panorama", action="store_true", help="360-degree equirectangular pictures around each camera")
+    parser.add_argument("--supersample", type=int, default=1, metavar="N",
+                        help="render each picture N times wider and higher and average it, 1 to 4 (default 1)")
+    parser.add_argument("--background", choices=["black", "plain", "gradient", "sky"], default="black",
+                        help="what is shown where there is no surface (default black)")
+    parser.add_argument("--resume", action="store_true", help="with a folder: keep the frames that are there")
+
+
+def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None,
+              seconds: float | None = None) -> tuple[list["Camera"], float]:
+    """(cameras, one a frame, and frames a second) of a camera file.
+
+    A file's cameras are frames where they are as many as its own ``fps`` and ``seconds`` say, or where it does not say; else
+    keyframes, as with ``seconds``.  Raises InputError.
+    """
+    from ...work.cameras.camera_files import read_cameras
+
+    for name, value in (("--fps", fps), ("--seconds", seconds)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(f"{name} {value:g}: expected a number above 0")
+    cameras = read_cameras(path, size=size)
+    own_fps, own_seconds = _timing(path)
+    rate = fps or own_fps or FRAMES_A_SECOND
+    length = seconds or own_seconds
+    count = len(cameras) if length is None else max(1, round(length * rate))
+    if count > MOST_FRAMES:
+        raise InputError(f"{path}: {count:,} frames ({length:g} s at {rate:g} a second); at most {MOST_FRAMES:,} can be made")
+    if count == len(cameras) and seconds is None:
+        return [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)], rate
+    return interpolate(cameras, count), rate
+
+
+def _timing(path: Path) -> tuple[float | None, float | None]:
+    """Frames a second and seconds that a camera_path.json states; None where it does not."""
+    if path.suffix.lower() != ".json":
+        return None, None
+    data = json.loads(path.read_text(encoding="utf-8-sig"))  # read_cameras has read it
+    if not isinstance(data, dict) or "camera_path" not in data:
+        return None, None
+    found = []
+    for key in ("fps", "seconds"):
+        value = data.get(key)
+        good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < _LARGEST_TIMING
+        if value is not None and not good:
+            raise InputError(f"{path}: {key} {value!r:.60}: expected a number above 0")
+        found.append(None if value is None else float(value))
+    return found[0], found[1]
+
+
+def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate: float, settings: "Settings", out: Path, *,
+         panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
+         alterations: Alterations | None = None) -> str:
+    """Makes the film; returns the line that tells a person what was made.  alterations: of a project.  Raises InputError."""
+    from ...work.pictures.altered_pictures import AlteredPictures
+
+    altered = None if alterations is None or alterations.none else AlteredPictures(renderer, alterations)
+    try:
+        size = cameras[0].width, cameras[0].height
+        maker = FrameMaker(renderer, settings, size, supersample, panorama, background, altered)
+        return _write(scene, maker, cameras, rate, out, resume=resume, alterations=alterations)
+    finally:
+        if altered is not None:
+            altered.release()
+
+
+def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool,
+           alterations: Alterations | None) -> str:
+    from .encode import write_folder, write_mp4
+
+    size = maker.size
+    if out.suffix.lower() in MP4:
+        fps = Fraction(rate).limit_denominator(1001)
+        replaced = replaced_text(out)
+        write_mp4(out, cameras, maker.picture, size=size, fps=fps)
+        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}{replaced}"
+    made_of = {
+        "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(maker.settings),
+        "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
+        "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
+    }
+    if alterations is not None and not alterations.none:
+        made_of["alterations"] = to_json(alterations)
+    made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume,
+                        describe=partial(_describe, scene, maker, alterations))
+    kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
+    return f"{counted(len(cameras), 'frame')} in {out}{kept}"
+
+
+def _describe(scene: "Scene", maker: FrameMaker, alterations: Alterations | None, camera: "Camera") -> dict[str, str]:
+    """The text inside the PNG of a frame: its description, or what prevents drawing it again."""
+    from ...work.pictures.shot_metadata import KEY, cannot_repeat, describe_shot
+
+    if maker.panorama:
+        return cannot_repeat("a panorama")
+    if maker.supersample > 1:
+        return cannot_repeat(f"a picture averaged from one {maker.supersample} times as wide")
+    shot = describe_shot(scene, maker.framed(camera), maker.settings, background=maker.background, alterations=alterations,
+                         exposures="matched" if scene.matched else "as-scanned")
+    return {KEY: shot.text()}
+
+
+def check(options: argparse.Namespace) -> None:
+    """Raises InputError for options that do not fit together, before the scan is read."""
+    if options.resume and options.out.suffix.lower() in MP4:
+        raise InputError(f"--resume: {options.out} is a single file and starts anew; give a folder to --out")
+    if options.out.suffix.lower() not in MP4 and options.out.suffix and not options.out.is_dir():
+        raise InputError(f"--out {options.out}: {options.out.suffix} is not written; give a name ending in .mp4, or a folder")
+    if not 1 <= options.supersample <= 4:
+        raise InputError(f"--supersample {options.supersample}: expected 1 to 4")
+
+
+def run(options: argparse.Namespace, settings: "Settings") -> int:
+    """The command.  Returns the exit code."""
+    from ..options import memory_of
+    from ..render_pictures import parse_size
+
+    check(options)
+    size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
+    cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds)
+
+    from ...grid.open_scene import open_scene
+    from ...render.device.context import create_context
+    from ...render.renderer import Renderer
+
+    context = create_context()
+    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    renderer = Renderer(context, scene, memory=memory_of(options))
+    try:
+        print(film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
+                   supersample=options.supersample, background=options.background, resume=options.resume))
+    finally:
+        renderer.release()
+        context.release()
+    return 0

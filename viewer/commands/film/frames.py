@@ -1,0 +1,76 @@
+"""Pictures of a film, one after the other: plain, supersampled, or 360-degree panoramas."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.common.linear_light import TO_LINEAR, TO_SRGB
+from ...common.errors import InputError
+from ...picture.background import composite
+from ...picture.settings import Settings
+from .equirectangular import Panorama
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+    from ...render.renderer import Renderer
+    from ...work.pictures.altered_pictures import AlteredPictures
+
+LARGEST_SUPERSAMPLE = 4
+
+
+@dataclass(frozen=True)
+class FrameMaker:
+    """Makes a film's pictures.  The same camera gives the same bytes.
+
+    size: (width, height) of the pictures.  supersample: each picture is rendered this many times wider and higher and averaged
+    in linear light, 1 to 4.  panorama: equirectangular pictures of all directions, around each camera's position, with its
+    heading in the middle.  background: a key of viewer.picture.background.COLOURS.
+    altered: makes the pictures where a project changes them; None: pictures are as the settings say.
+    """
+
+    renderer: "Renderer"
+    settings: Settings
+    size: tuple[int, int]
+    supersample: int = 1
+    panorama: bool = False
+    background: str = "black"
+    altered: "AlteredPictures | None" = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
+            raise InputError(f"--supersample {self.supersample}: expected 1 to {LARGEST_SUPERSAMPLE}")
+        if self.panorama and self.size[0] != 2 * self.size[1]:
+            raise InputError(f"--size {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as 4096x2048")
+
+    def picture(self, camera: "Camera") -> np.ndarray:
+        """(H, W, 3) uint8 sRGB."""
+        width, height = self.size[0] * self.supersample, self.size[1] * self.supersample
+        if self.panorama:
+            made = Panorama(width, height).picture(camera, self._draw)
+        else:
+            made = self._draw(self.framed(camera))
+        return composite(averaged(made, self.supersample), self.background)
+
+    def framed(self, camera: "Camera") -> "Camera":
+        """The camera at the size that is rendered."""
+        sides = (side * self.supersample for side in self.size)
+        return replace(camera.resized(*sides), name=camera.name)
+
+    def _draw(self, camera: "Camera") -> np.ndarray:
+        if self.altered is not None:
+            return self.altered.images(camera, self.settings, (self.settings.view,))[0]
+        return self.renderer.render(camera, self.settings).image(self.settings.view)
+
+
+def averaged(image: np.ndarray, factor: int) -> np.ndarray:
+    """(H, W, 4) uint8, premultiplied sRGB, from (factor * H, factor * W, 4): the mean of each block in linear light."""
+    if factor == 1:
+        return image
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    blocks = image.reshape(height, factor, width, factor, 4)
+    rgb = TO_LINEAR[blocks[..., :3]].astype(np.uint32).sum(axis=(1, 3))
+    alpha = blocks[..., 3].astype(np.uint32).sum(axis=(1, 3))
+    count = factor * factor
+    mean = TO_SRGB[(rgb + count // 2) // count]
+    return np.concatenate([mean, ((alpha + count // 2) // count)[..., None]], axis=2).astype(np.uint8)

@@ -1,0 +1,133 @@
+"""``pointglass evaluate SCAN``: evaluates raw, filled and neural pictures of a scan at points withheld from it."""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...common.errors import InputError
+from ...common.progress import progress
+from ...common.text import counted
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from ....model.evaluation.heldout import Viewpoint, Withheld
+
+FILLED = "filled"
+"""Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
+SIZE = (960, 720)
+"""Size of the evaluated pictures, pixels.  Chosen by hand."""
+VIEWS = 8
+"""Default number of viewpoints: the benches' named views."""
+_IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "precision": False,
+            "paper_table": False, "split": "val", "camera": "dslr", "worst": None, "fast": False}
+"""Options for rooms, which are ignored for a scan, with their defaults."""
+
+
+def is_scan(path: Path) -> bool:
+    """Whether a path is a scan for the viewer, that is a file, a folder made by ``convert`` or a Potree or EPT folder, and not
+    the folder of a room.
+
+    A missing path counts as a file if its name has a suffix.
+    """
+    from ...grid.cache import is_grid
+    from ...readers.formats import entry_of
+
+    if not path.is_dir():
+        return path.exists() or bool(path.suffix)
+    return is_grid(path) or entry_of(path) != path
+
+
+def run(options: argparse.Namespace) -> int:
+    """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
+    from ....model.evaluation.command import names_of
+    from ....model.evaluation.report import check_output, save, save_picture
+    from ....model.network.weights_folder import weights_file
+
+    if len(options.data) > 1:
+        raise InputError(f"{options.data[1]}: one scan at a time can be evaluated; evaluate the others separately")
+    if not all(0 < density <= 1 for density in options.densities) or not options.densities:
+        raise InputError(f"--densities {' '.join(f'{d:g}' for d in options.densities)}: expected shares above 0 and at most 1")
+    if options.views is not None and options.views < 1:
+        raise InputError(f"--views {options.views}: expected at least 1")
+    if options.json:
+        check_output(options.json)
+    if options.plot:
+        check_output(options.plot, (".png",))
+    if ignored := [f"--{name.replace('_', '-')}" for name, default in _IGNORED.items() if getattr(options, name) != default]:
+        print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
+    files = options.weights or [weights_file("balanced", filtered=True)]
+    from ....model.evaluation.heldout_report import format_withheld
+
+    result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
+                              views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)
+    print(format_withheld(result))
+    if options.json:
+        save(result, options.json)
+    if options.plot:
+        save_picture(np.concatenate(rows), options.plot)
+    return 0
+
+
+def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, ...], views: int,
+               size: tuple[int, int], sheet: bool = False) -> tuple[dict, list[np.ndarray]]:
+    """Metrics of a scan, for JSON, and the rows of the sheet, (H, W, 3) uint8 each.
+
+    weights: name -> file.  densities: shares of the points that are not withheld.  sheet: whether to make rows, each with the
+    filled picture, the neural one, and a map of which is closer to the withheld points.  Raises InputError if no withheld point
+    is visible.
+    """
+    from ....model.evaluation.heldout import Withheld
+    from ....model.evaluation.methods import WEIGHTED, network_method, plain_methods
+    from ...grid.open_scene import open_scene
+    from .judged_viewpoints import judged_viewpoints, station_viewpoints
+    from .scan_points import points_of
+
+    names = {"raw": "raw", WEIGHTED: FILLED}
+    methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
+    methods += [network_method(name, file) for name, file in weights.items()]
+    scene = open_scene(path)
+    scan, spacing = points_of(scene, path)
+    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=scene.noise)
+    viewpoints = judged_viewpoints(scene, size, views)
+    stations = station_viewpoints(scan, size)
+    rows = []
+    with progress(len(viewpoints) + len(stations), "evaluating", " views") as meter:
+        for viewpoint in (*viewpoints, *stations):
+            row = _judged(work, viewpoint, sheet)
+            if row is not None:
+                rows.append(row)
+            meter.update(1)
+    if not work.found:
+        raise InputError(f"{path}: no withheld point is visible in {counted(len(viewpoints), 'view')}; open it and check the "
+                         "positions of its points")
+    return {"scan": path.name, "points": len(scan.xyz), "withheld": work.share, "spacing": spacing, "size": list(size),
+            "views": [viewpoint.name for viewpoint in viewpoints], "stations": [viewpoint.name for viewpoint in stations],
+            "seed": work.seed, "rows": work.rows()}, rows
+
+
+def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray | None:
+    """Evaluates a viewpoint.  Returns its row of the sheet; None without a sheet or visible withheld points."""
+    wanted, shown = work.judge(viewpoint)
+    if not sheet or not len(wanted.index):
+        return None
+    from ....model.evaluation.heldout import nearer
+    from ....model.evaluation.labelled import labelled_row
+
+    neural = next((name for name in shown if name.startswith("network ")), FILLED)
+    pictures = [_halved(shown[FILLED]), _halved(shown[neural]), nearer(shown[FILLED], shown[neural], wanted)[::2, ::2]]
+    labels = [f"{viewpoint.name}: filled", neural, "closer to the withheld points: neural blue, filled orange"]
+    return labelled_row(pictures, labels)
+
+
+def _halved(picture: "Tensor") -> np.ndarray:
+    """(3, H, W) in 0..1 -> (H / 2, W / 2, 3) uint8, by averaging."""
+    import torch.nn.functional as F
+
+    from ....model.evaluation.labelled import picture_bytes
+
+    return picture_bytes(F.avg_pool2d(picture[None], 2, ceil_mode=True)[0])

@@ -1,0 +1,43 @@
+"""The points of a scan as arrays, with the colours of the viewer (after exposure compensation) and their stations, if known.
+
+Frame: file coordinates, file units.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.data.dataset import Scan
+from ...common.errors import InputError
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+
+MOST_POINTS = 20_000_000
+"""Largest number of points used, chosen at random from more.  Each takes 27 bytes, and again as many in a view that contains
+it."""
+LEAST_POINTS = 1000
+"""Least number of points for an evaluation at a tenth of them.  Chosen by hand."""
+
+
+def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> tuple[Scan, float]:
+    """The points, thinned at random to about ``most``, and their spacing in file units.  path: for messages.
+
+    Raises InputError if there are too few points, or if they have no colours of their own.
+    """
+    from ...grid.scene import CHUNK, unpack
+
+    source = (scene.meta.get("colour") or {}).get("source", "rgb")
+    if source != "rgb":
+        raise InputError(f"{path}: its points have no colours (shown by {source}), which the evaluation requires")
+    share, rng, parts = min(1.0, most / max(scene.count, 1)), np.random.default_rng(seed), []
+    for start in range(0, scene.count, 16 * CHUNK):
+        xyz, rgb, _, station = unpack(scene, slice(start, min(start + 16 * CHUNK, scene.count)))
+        pick = slice(None) if share == 1.0 else rng.random(len(xyz)) < share
+        parts.append((xyz[pick], rgb[pick], station[pick]))
+    count = sum(len(part[0]) for part in parts)
+    if count < LEAST_POINTS:
+        raise InputError(f"{path}: {count} points are too few to withhold some; at least {LEAST_POINTS} are needed")
+    xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return Scan(xyz, rgb, station, scene.station_places), scene.spacing / share**0.5

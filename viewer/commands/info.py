@@ -1,0 +1,157 @@
+"""Facts about a scan: ``pointglass info``.  All lengths in file units."""
+
+import logging
+from pathlib import Path
+
+from ...model.common.scanner_positions import stations_differ
+from ..common.text import counted
+from ..grid.cache import CacheError
+from ..grid.open_scene import open_scene
+from ..grid.scene import Scene
+from ..preprocess.point_attributes import described
+
+_log = logging.getLogger(__name__)
+
+
+def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None) -> dict:
+    """Facts about a scan, ready for JSON.  full: include the grid.  cache, columns: as for open_scene.
+
+    Counting the points and measuring their spacing needs the grid, so the scan is read and its grid built, and stored in the
+    cache where that can be written.  Raises InputError as open_scene does.
+    """
+    try:
+        scene = open_scene(paths, cache=cache, columns=columns)
+    except CacheError as error:
+        _log.warning("%s; the grid is built in memory", error)
+        scene = open_scene(paths, cache=False, columns=columns)
+    return facts(scene, full)
+
+
+def facts(scene: Scene, full: bool = False) -> dict:
+    """Facts about an open scene, as from ``describe``."""
+    meta = scene.meta
+    low, high = scene.bounds.tolist()
+    out = {
+        "sources": meta.get("sources", []),
+        "format": meta.get("format"),
+        "points": scene.count,
+        "stations": "weighed" if stations_differ(scene.station_places) else "equal",
+        "bounds": {"min": low, "max": high},
+        "size": [b - a for a, b in zip(low, high, strict=True)],
+        "spacing": scene.spacing,
+        "units": meta.get("units", "unknown"),
+        "metres_per_unit": meta.get("metres_per_unit"),
+        "crs": meta.get("crs"),
+        "colour": meta.get("colour"),
+        "exposures": meta.get("exposures"),
+        "passes": meta.get("passes"),
+        "noise": _noise_facts(scene),
+        "attributes": meta.get("attributes", {}),
+        "scans": meta.get("scans", []),
+        "photographs": _photographs(meta.get("sources", [])),
+        "dropped": meta.get("dropped", {}),
+        "warnings": meta.get("warnings", []),
+    }
+    if full:
+        ends = scene.offsets[:: len(scene.cell_coords)]
+        out["grid"] = {
+            "cell_size": scene.cell_size,
+            "step": scene.step,
+            "cells": len(scene.cell_coords),
+            "layers": (ends[1:] - ends[:-1]).tolist(),
+            "bytes": scene.count * 12,
+        }
+    return out
+
+
+def format_text(info: dict) -> str:
+    """The facts of ``describe`` as lines for a terminal."""
+    unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
+    unit = "units" if unit == "unknown" else unit
+    metres = info["metres_per_unit"]
+    assigned = info.get("assigned") or []
+    lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
+    rows = [
+        ("file", ", ".join(info["sources"]) or "-"),
+        ("format", info["format"]),
+        ("points", f"{info['points']:,}"),
+        ("from", _vector(info["bounds"]["min"])),
+        ("to", _vector(info["bounds"]["max"])),
+        ("size", " x ".join(f"{side:.4g}" for side in info["size"]) + f" {unit}"),
+        ("spacing", f"{info['spacing']:.3g} {unit}"),
+        ("units", f"{info['units']} ({lengths}{', assigned in the project' if assigned else ''})"),
+        ("CRS", f"{info['crs'] or 'not given'}{' (assigned in the project)' if 'crs' in assigned else ''}"),
+        ("colour", (info["colour"] or {}).get("note", "-")),
+    ]
+    rows.append(("noise", _noise(info["noise"])))
+    rows += described({"attributes": info["attributes"]})
+    if exposures := info.get("exposures"):
+        rows.append(("exposure", _exposures(exposures)))
+    if (passes := info.get("passes")) and passes["applied"]:
+        removed = f"{1 - passes['variance_left']:.0%} of the variance between neighbours removed"
+        rows.append(("passes", f"exposures of runs of points compensated, {removed} (--exposures as-scanned keeps them)"))
+    for scan in info["scans"]:
+        place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
+        how = ", inferred from the order of the points" if scan.get("inferred") else ""
+        rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
+    if photographs := info.get("photographs"):
+        rows.append(("photos", _photographs_text(photographs)))
+    if info["stations"] == "weighed":
+        rows.append(("stations", "view-dependent blending by the angle to each scanner's ray (--stations equal averages them)"))
+    if grid := info.get("grid"):
+        rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
+        rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
+    rows += [("warning", text) for text in info["warnings"]]
+    return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _photographs(sources: list[str]) -> list[dict]:
+    """Name, size and geometry of the photographs inside the files, and whether a file says where each was taken."""
+    from ..readers.e57.e57_pictures import pictures_in
+
+    return [{"file": str(one.file), "name": one.name, "width": one.width, "height": one.height, "geometry": one.kind,
+             "pose": one.placed} for one in pictures_in(sources)]  # fmt: skip
+
+
+_NAMED = 8
+"""Photographs whose names ``info`` lists."""
+
+
+def _photographs_text(found: list[dict]) -> str:
+    without = sum(not one["pose"] for one in found)
+    names = [f"{one['name']} ({one['width']} x {one['height']}{'' if one['pose'] else ', without a pose'})" for one in found]
+    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    poses = f", {without} without a pose" if 0 < without < len(found) else ""
+    return f"{counted(len(found), 'photograph')}{poses}: {', '.join(names[:_NAMED])}{more}"
+
+
+def _noise_facts(scene: Scene) -> dict | None:
+    """The noise for --json: standard deviation of a point's luma, 0..1, over the scan, by place and by luma."""
+    if (noise := scene.noise) is None:
+        return None
+    return {"sigma": noise.overall, "lowest": float(noise.sigma.min()), "highest": float(noise.sigma.max()),
+            "curve": [round(float(factor), 4) for factor in noise.curve], "neighbourhoods": noise.neighbourhoods}  # fmt: skip
+
+
+def _noise(found: dict | None) -> str:
+    if found is None:
+        return "unknown: the folder was made by an earlier version; convert the scan again"
+    if not found["neighbourhoods"]:
+        return "unknown: too few points lie close together to tell it"
+    return (f"{found['sigma']:.3f} of full brightness a point ({found['sigma']:.1%}), {found['lowest']:.3f} to "
+            f"{found['highest']:.3f} by place, from {counted(found['neighbourhoods'], 'neighbourhood')}")  # fmt: skip
+
+
+def _exposures(found: dict) -> str:
+    if not found["matched"]:
+        return f"as scanned: {found['stations']} stations, they overlap too little to compensate exposures"
+    if not found["applied"]:
+        return f"{found['stations']} stations with equal exposures"
+    return (
+        f"{found['matched']} of {found['stations']} stations compensated, gains {found['smallest_gain']:.2f} to "
+        f"{found['largest_gain']:.2f} (--exposures as-scanned keeps them)"
+    )
+
+
+def _vector(values) -> str:
+    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")"

@@ -1,0 +1,1 @@
+"""What every room uses: errors in words, text for a person, progress, paths, files written beside and renamed."""

@@ -1,0 +1,92 @@
+"""Progress of long work: a bar on a terminal, a line every few seconds in a pipe, and a sink for the window.
+
+A window runs loading on a worker thread and installs a sink for that thread; the sink sees every update and may
+return False to cancel, which raises :class:`viewer.common.errors.Cancelled` inside the work, where clean-up handlers run.
+"""
+
+import contextlib
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+
+from .errors import Cancelled
+from .text import printable
+
+Sink = Callable[[str, int, int], bool]
+"""Called with (label, done, total); total is 0 where it is not known.  Returns False to cancel."""
+
+_FIRST_LINE, _NEXT_LINE = 10.0, 5.0
+"""Seconds until the first line in a pipe, so that short work is silent, and between lines; chosen by hand."""
+_local = threading.local()
+
+
+def set_sink(sink: Sink | None) -> None:
+    """Installs (or with None removes) the sink of the calling thread."""
+    _local.sink = sink
+
+
+class Progress:
+    """Counts units of work.  ``update(n)`` adds n; made by :func:`progress`.
+
+    bar: tqdm's.  sink: the window's.  unit: of the lines that are written to a pipe, None where there are none.
+    """
+
+    def __init__(self, total: int, label: str, bar, sink: Sink | None, unit: str | None = None):
+        self.total, self.label, self.done = int(total), label, 0
+        self._bar, self._sink, self._unit = bar, sink, unit
+        self._start = monotonic()
+        self._next_line = self._start + _FIRST_LINE
+
+    def update(self, n: int) -> None:
+        """Adds ``n`` finished units.  Raises Cancelled if the sink asks to stop."""
+        self.done += int(n)
+        if self._bar is not None:
+            self._bar.update(int(n))
+        if self._sink is not None and not self._sink(self.label, self.done, self.total):
+            raise Cancelled(f"{self.label}: cancelled")
+        finished = 0 < self.total <= self.done
+        if self._unit is not None and not finished and (now := monotonic()) >= self._next_line:
+            self._next_line = now + _NEXT_LINE
+            with contextlib.suppress(OSError, ValueError):  # whoever read standard error has gone
+                print(f"pointglass: {self._line(now - self._start)}", file=sys.stderr, flush=True)
+
+    def _line(self, seconds: float) -> str:
+        """"rendering: 37 of 200 pictures (18 %), about 1 min 12 s left"."""
+        unit = f" {self._unit}" if self._unit else ""
+        if not 0 < self.done < self.total:
+            counts = f": {self.done:,}{unit}" if self.done else ""
+            return printable(f"{self.label}{counts}, {duration_text(seconds)} so far")
+        left = duration_text(seconds * (self.total - self.done) / self.done)
+        share = 100 * self.done // self.total
+        return printable(f"{self.label}: {self.done:,} of {self.total:,}{unit} ({share} %), about {left} left")
+
+
+def duration_text(seconds: float) -> str:
+    """"8 s", "1 min 12 s", "3 h 20 min"."""
+    whole = max(1, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+@contextmanager
+def progress(total: int, label: str, unit: str = "") -> Iterator[Progress]:
+    """A progress meter over ``total`` units (0: unknown) with a plain-words ``label``."""
+    sink = getattr(_local, "sink", None)
+    bar, lines = None, None
+    if sink is None and sys.stderr is not None and not sys.stderr.isatty():
+        lines = unit.strip()
+        lines += "s" if lines and not lines.endswith("s") else ""
+    elif sink is None and sys.stderr is not None:
+        from tqdm import tqdm
+
+        bar = tqdm(total=total or None, desc=label, unit=unit, unit_scale=True, leave=False, file=sys.stderr)
+    try:
+        yield Progress(total, label, bar, sink, lines)
+    finally:
+        if bar is not None:
+            bar.close()

@@ -1,0 +1,60 @@
+"""Text for a person: what a terminal would obey is escaped; counts with their noun, numbers of bytes; whole numbers from
+text."""
+
+from ...model.common.printable import escaped_output, printable
+
+__all__ = ["bytes_text", "counted", "escaped_output", "left_text", "printable", "whole_number"]
+
+import math
+
+
+def counted(number: float, noun: str) -> str:
+    """"1 frame", "2,000 frames", "0.5 points"."""
+    shown = f"{number:g}" if isinstance(number, float) else f"{number:,}"
+    return f"{shown} {noun}{'' if number == 1 else 's'}"
+
+
+def left_text(seconds: float) -> str:
+    """A time to wait, rounded as an estimate is: "8 s", "3 min", "1 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def bytes_text(count: float) -> str:
+    """"1 byte", "1.5 KiB", "12 MiB", in the units that options accept."""
+    for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
+        if count >= size:
+            return f"{count / size:.4g} {unit}"
+    return counted(count, "byte")
+
+
+def whole_number(text: str) -> int | None:
+    """``text`` as a number from 0 to 10**18 - 1, or None if it is anything but ASCII digits.
+
+    Stricter than ``str.isdigit``, which accepts a superscript two that ``int`` refuses; ``int`` itself fails on thousands of
+    digits.
+    """
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None
+
+
+def coordinate(value: float) -> str:
+    """A coordinate with the 15 digits that float64 is sure to hold, at least three decimals, and no zeros behind the third."""
+    digits = 15 - len(str(int(abs(value)))) if math.isfinite(value) else 3
+    whole, _, decimals = f"{value:.{min(max(digits, 3), 12)}f}".partition(".")
+    return f"{whole}.{decimals[:3]}{decimals[3:].rstrip('0')}"
+
+
+def plain(value: object) -> str:
+    """A value from a file as a person reads it."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(plain(part) for part in value)
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return str(value)
+
+
+def exact_text(value: float) -> str:
+    """The shortest digits that stand for exactly this float64, also of a NumPy scalar, whose ``repr`` names its type."""
+    return repr(float(value))

@@ -1,0 +1,1 @@
+"""How a grid is built from the points of a source, in two passes."""

@@ -1,0 +1,53 @@
+"""Which cells a grid has: those of pass 1, merged until they hold about TARGET points.  Frame: file coordinates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import density_layers as layers
+from .count_points import CellCounts
+from .histogram import merge
+
+TARGET = 8192
+"""Points of a cell on average, within a factor of two, since cell sizes are powers of two; chosen by hand."""
+_BULK = 0.95  # share of the points that determines the cell size, so that outlier points do not; chosen by hand
+_LEAST_CELLS = 8  # that the bulk of a small scan is divided into; chosen by hand
+
+
+@dataclass
+class Layout:
+    """The place of every point.  cells (C, 3) int32 from 0 in Morton order, of ``cell_size``, relative to ``base`` (3,)
+    float64 whole numbers; offsets (layers * C + 1,) int64 as in Scene."""
+
+    cells: np.ndarray
+    offsets: np.ndarray
+    base: np.ndarray
+    cell_size: float
+    layers: int
+
+
+def choose_layout(counted: CellCounts, at_most: float = np.inf) -> Layout:
+    """Merges the cells of pass 1 until they hold about TARGET points (or are few), or are as large as ``at_most``.
+
+    Merging from fine to coarse and stopping at the first size that fits makes the choice independent of the grid's origin.
+    """
+    cells, counts, base, size = counted.cells, counted.counts, counted.base, counted.cell_size
+    enough = min(TARGET / 2, _BULK * counted.count / _LEAST_CELLS)
+    while 2 * size <= at_most and _typical(counts) < enough:
+        coarse = np.floor(base / 2)
+        cells = (np.floor((cells + base) / 2) - coarse).astype(np.int32)
+        cells, counts = merge(cells, counts)
+        base, size = coarse, 2 * size
+    low = cells.min(axis=0)
+    order = layers.morton_order(cells - low)
+    depth = layers.layer_count(counted.count)
+    offsets = np.zeros(depth * len(cells) + 1, np.int64)
+    np.cumsum(layers.layer_sizes(counts[order], depth).reshape(-1), out=offsets[1:])
+    return Layout(np.ascontiguousarray((cells - low)[order]), offsets, base + low, size, depth)
+
+
+def _typical(counts: np.ndarray) -> float:
+    """Points per cell over the fullest cells that together hold the bulk of the points."""
+    fullest = np.sort(counts.sum(axis=1))[::-1].cumsum()
+    bulk = _BULK * fullest[-1]
+    return bulk / (np.searchsorted(fullest, bulk) + 1)

@@ -1,0 +1,65 @@
+"""Warns where files opened as one scene lie in different places: a picture of all of them would show none.
+
+Frame: the files' own coordinates, taken to be shared; lengths in their units.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...preprocess.valid_positions import is_position
+from ...readers.source import Chunk, Source
+
+_EVERY = 64  # one of so many points is examined; chosen by hand
+_BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count
+_FAR = 20.0  # times the larger extent of two files; chosen by hand: buildings of a campus and tiles of a town are neighbours
+OF_PLACES = "the files are of "
+"""The beginning of every warning of ClusterCheck."""
+
+
+class ClusterCheck:
+    """Observes the chunks of pass 1 (``add``), then finds files that lie far from the others (``warnings``)."""
+
+    def __init__(self, sources: Sequence[Source]):
+        self._names = [source.path.name for source in sources]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets all chunks: pass 1 begins again."""
+        self._parts: list[list[np.ndarray]] = [[] for _ in self._names]
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Keeps the extent of some of a chunk's points."""
+        some = np.array(chunk.xyz[-first % _EVERY :: _EVERY] if len(chunk.xyz) >= _EVERY else chunk.xyz, np.float64)
+        some = some[is_position(some)]
+        if len(some):
+            self._parts[source].append(np.percentile(some, _BULK, axis=0))
+
+    def warnings(self) -> list[str]:
+        """One warning where the files form several clusters, else none."""
+        boxes = {number: (np.min([low for low, _ in parts], axis=0), np.max([high for _, high in parts], axis=0))
+                 for number, parts in enumerate(self._parts) if parts}
+        left, groups = list(boxes), []
+        while left:
+            group = [left.pop(0)]
+            for one in group:  # the group grows during the loop
+                near = [other for other in left if _gap(boxes[one], boxes[other]) <= _FAR * _extent(boxes[one], boxes[other])]
+                group += near
+                left = [other for other in left if other not in near]
+            groups.append(group)
+        if len(groups) < 2:
+            return []
+        one, other = (self._names[group[0]] for group in groups[:2])
+        gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
+        far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
+        return [f"{OF_PLACES}{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"]
+
+
+def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:
+    """Distance between two boxes (low, high), 0 where they meet."""
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(a[0] - b[1], b[0] - a[1]))))
+
+
+def _extent(*boxes: tuple[np.ndarray, np.ndarray]) -> float:
+    """The longest side of any of the boxes."""
+    return max(float((high - low).max()) for low, high in boxes)

@@ -1,0 +1,217 @@
+"""Builds the grid in two passes over chunks.
+
+    sources -> pass 1: _count -> FirstPass -> choose_layout -> pass 2: _place -> _Placed -> _scene -> Scene
+
+Frame: file coordinates in, packed cells out.  Memory: three chunks, the histogram, two blocks and, where
+``allocate`` gives memory and not a file, the packed points.  The result does not depend on the number of processors.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....model.appearance.noise import NoiseModel
+from ...preprocess.point_attributes import AttributeCounts, AttributeLayout
+from ...preprocess.point_colour import Colours
+from ...preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
+from ...preprocess.scanner_positions import StationInference
+from ...readers.source import Source
+from ..density_layers import PARTS
+from ..projected_coverage import projected_coverage
+from ..records.point_records import PointRecords, allocated
+from ..scene import STEPS, Scene
+from .cell_layout import Layout, choose_layout
+from .cluster_check import ClusterCheck
+from .count_checks import check_any_valid, degree_warnings, drop_warnings, precision_warnings
+from .count_points import CellCounts, count_cells
+from .grid_threads import processors
+from .histogram import power_of_two
+from .noise_sample import NoiseSample
+from .scatter import scatter
+from .spacing import measure_spacing
+
+_LEAST_STEPS = 4
+"""Packed positions between neighbouring points, at least; chosen by hand: rounding then moves a point by an eighth of the
+spacing at most."""
+_COINCIDING = 0.02  # share of points packed into one position with their neighbours from which finer cells are tried; by hand
+_UNPARTED = 0.75  # share of those still coinciding in finer cells from which the coarse cells are taken after all; by hand
+_ATTEMPTS = 4  # at finer cells; chosen by hand: each divides the cell size by up to 256
+_FINEST_STEPS = 1 / 16  # steps taken for a spacing that is too small to measure; chosen by hand
+_DEFAULT_SPACING = 1 / 64  # of a cell, for scans in which no two positions differ; chosen by hand
+
+Allocate = Callable[[str, tuple[int, ...], type], np.ndarray]
+"""Gives a writable array for a column of the points: its name in the grid's folder, shape and type."""
+
+
+@dataclass(frozen=True, eq=False)
+class FirstPass:
+    """What pass 1 found out.  facts: entries of ``Scene.meta`` (colour, exposures, passes).  warnings: for a person."""
+
+    counts: CellCounts
+    scans: ScanTable
+    attributes: AttributeLayout
+    facts: dict
+    warnings: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """The points in their cells.  counts: of the cells used.  steps: median spacing in packed positions, 0.0 where none could
+    be measured.  boxes: (C, 6) uint8 as in Scene."""
+
+    counts: CellCounts
+    layout: Layout
+    steps: float
+    boxes: np.ndarray
+
+
+class _Clock:
+    """Adds the seconds since the last lap to a stage."""
+
+    def __init__(self, stages: dict[str, float]):
+        self._stages, self._last = stages, time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self._stages[stage] = self._stages.get(stage, 0.0) + now - self._last
+        self._last = now
+
+
+def build_grid(
+    sources: list[Source], *, colours: Colours | None, allocate: Allocate, facts: dict, stages: dict | None = None,
+    noise: bool = True,
+) -> Scene:
+    """Reads the sources twice and returns the finished scene.
+
+    colours: decides on colours over whole files; None takes the chunks' 8-bit colours as they are.
+    facts: what is known already, for ``Scene.meta``, which adds dropped, scans, colour, attributes and warnings; not changed.
+    stages: if given, receives the seconds each stage took.
+    noise: estimate the noise of the colours; otherwise ``Scene.noise`` is None.
+    Raises InputError for damaged files, and where no valid point is found.
+    """
+    clock = _Clock({} if stages is None else stages)
+    with ThreadPoolExecutor(processors(), "grid") as pool:
+        first = _count(sources, colours)
+        clock.lap("count")
+        points = allocate("points", (first.counts.count, 3), np.uint32)
+        records = allocated(allocate, first.counts.count, first.counts.running, len(sources))
+        sample = NoiseSample(sources, first.counts) if noise else None
+        placed = _place(sources, colours, first, points, records, pool, sample, clock)
+        coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
+        clock.lap("faces")
+        model = sample.solve() if sample else None
+        clock.lap("noise")
+    return _scene(sources, first, placed, points, records, facts, coverage, model)
+
+
+def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
+    """Pass 1."""
+    attributes, stations, clusters = AttributeCounts(), StationInference(sources), ClusterCheck(sources)
+    observers = [attributes, *([] if colours is None else [colours, stations]), *([clusters] if len(sources) > 1 else [])]
+    counts = count_cells(sources, observers)
+    check_any_valid(sources, counts)
+    scans, facts, warnings = stated_scans(sources), {}, []
+    if colours is not None:
+        scans = stations.solve()
+        facts, warnings = colours.decide(_height_range(counts), scans.turns)
+    return FirstPass(counts, scans, attributes.layout(), facts, warnings + clusters.warnings())
+
+
+def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
+           pool: Executor, sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
+    """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points`` and
+    ``records``."""
+
+    def place(counts: CellCounts, layout: Layout, sample: NoiseSample | None) -> tuple[_Placed, float]:
+        """The points in these cells, and the share of coinciding points."""
+        clock.lap("cells")
+        boxes = scatter(sources, colours, first.scans, counts, layout, points, records, pool, processors(), first.attributes,
+                        sample)  # fmt: skip
+        clock.lap("place")
+        steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
+        clock.lap("spacing")
+        return _Placed(counts, layout, steps, boxes), coinciding
+
+    counts = first.counts
+    found, coinciding = coarsest, most_coinciding = place(counts, choose_layout(counts), sample)
+    if 0 < found.steps < _LEAST_STEPS:  # too coarse: these cells are never taken after all
+        coarsest = None
+    for _ in range(_ATTEMPTS - 1):
+        resolved = found.steps >= _LEAST_STEPS and coinciding <= _COINCIDING
+        if resolved or not np.ptp(counts.bounds, axis=0).any():
+            break
+        # dense clusters far apart: the cells are too coarse for points this close, so once more with finer ones
+        smallest = _FINEST_STEPS if coinciding > _COINCIDING else max(found.steps, _FINEST_STEPS)
+        size = power_of_two(found.layout.cell_size * smallest / (4 * _LEAST_STEPS))
+        if counts.cell_size > size:
+            finer = count_cells(sources, cell_size=size)
+            if finer.count != counts.count or finer.cell_size >= found.layout.cell_size:
+                break
+            counts = finer
+        found, coinciding = place(counts, choose_layout(counts, size), None)
+    if coarsest and coarsest is not found and coinciding > _UNPARTED * most_coinciding:
+        return place(coarsest.counts, coarsest.layout, None)[0]  # the same points over and over: no cells separate them
+    return found
+
+
+def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, records: PointRecords, facts: dict,
+           coverage: np.ndarray, noise: NoiseModel | None) -> Scene:  # fmt: skip
+    counts, layout, steps = placed.counts, placed.layout, placed.steps
+    spacing = (steps or STEPS * _DEFAULT_SPACING) * layout.cell_size / STEPS
+    warnings = [*facts.get("warnings", []), *first.warnings]
+    if 0 < steps < _LEAST_STEPS:
+        warnings.append("points lie too close together for so wide a scan, positions are rounded; split it")
+    warnings += drop_warnings(counts) + degree_warnings(sources, counts)
+    warnings += precision_warnings(sources, counts, spacing if steps else None)
+    scans = facts["scans"] if "scans" in facts else _listed_scans(first, points)
+    if len(scans) > MOST_NUMBERS:
+        warnings.append(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as one; "
+                        "picking, export and Python tell all apart")  # fmt: skip
+    meta = facts | first.facts | {
+        "warnings": [warning for source in sources for warning in source.warnings] + warnings,
+        "attributes": first.attributes.to_meta([source.intensity_ends for source in sources]),
+        "dropped": {"nan": counts.dropped[0], "invalid": counts.dropped[2], "stray": counts.dropped[1]},
+        "scans": scans,
+        "records": _origin(first.scans, records) | facts.get("records", {}),
+    }  # fmt: skip
+    return Scene(
+        points, layout.cells, layout.offsets, np.asarray(layout.base * layout.cell_size), layout.cell_size, layout.layers,
+        counts.count, spacing, counts.bounds, meta, parts=PARTS, faces=coverage, boxes=placed.boxes, noise=noise,
+        records=records, live=tuple(sources),
+    )  # fmt: skip
+
+
+def _origin(scans: ScanTable, records: PointRecords) -> dict:
+    """Facts for ``Scene.meta`` that lead from running numbers to records and scans.
+
+    first, scan_first: as ``first`` and ``scans`` in PointRecords.  scans: number of each source's scans.  turns: as in
+    ScanTable, by source.
+    """
+    starts = None if records.scans is None else records.scans.tolist()
+    return {"first": records.first.tolist(), "scan_first": starts, "scans": [len(scans) for scans in scans.scans],
+            "turns": {str(source): turns.tolist() for source, turns in scans.turns.items()}}  # fmt: skip
+
+
+def _height_range(counts: CellCounts) -> tuple[float, float]:
+    """1st to 99th percentile of height by whole cells, within the bounds."""
+    order = np.argsort(counts.cells[:, 2])
+    z = (counts.cells[order, 2] + counts.base[2]) * counts.cell_size
+    share = counts.counts[order].sum(axis=1).cumsum()
+    low, high = z[np.searchsorted(share, (0.01 * share[-1], 0.99 * share[-1]))]
+    return max(float(low), float(counts.bounds[0, 2])), min(float(high + counts.cell_size), float(counts.bounds[1, 2]))
+
+
+def _listed_scans(first: FirstPass, points: np.ndarray) -> list[dict]:
+    """What ``Scene.meta`` says of each scan.  Chunks with a scan number per point are counted in the packed points."""
+    counts = first.counts.kept | first.scans.counts
+    if not counts:
+        counts = {(0, i): int(n) for i, n in enumerate(np.bincount(points[:, 2] >> 24))}
+    return [
+        {"name": scan.name, "count": counts.get((s, i), 0), "position": scan.position and list(scan.position)}
+        | ({"inferred": True} if scan.inferred else {})
+        for s, scans in enumerate(first.scans.scans)
+        for i, scan in enumerate(scans)
+    ]

@@ -1,0 +1,1 @@
+"""E57: its structure, its records in blocks, its photographs."""

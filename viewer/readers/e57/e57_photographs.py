@@ -1,0 +1,153 @@
+"""The photographs inside an E57 as they were taken, to be shown in place: pinhole, spherical and cylindrical.
+
+:mod:`viewer.readers.e57.e57_images` has the same pictures as pinhole cameras only, for training.  World frame: the file's own,
+metres.  ``camera_to_world`` takes the photograph's own frame (ASTM E2807) to it: pinhole looks along -z with y up; spherical
+and cylindrical have z up, azimuth counterclockwise from x.  A pixel spans [i, i + 1], row 0 at the top:
+
+- pinhole: ``column = cx - x / z * fx``, ``row = cy + y / z * fy``, where z < 0;
+- spherical: ``column = cx - azimuth * fx``, ``row = cy - elevation * fy``, with fx and fy in pixels per radian;
+- cylindrical: ``column = cx - azimuth * fx``, ``row = cy - z / hypot(x, y) * fy``, with fy = radius / pixelHeight.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...common.errors import InputError
+from ..formats import check_file
+from .e57_images import decoded, listed_photographs, number_of, structures
+from .e57_nodes import first_line, library, open_e57, text_of
+
+KINDS = ("pinhole", "spherical", "cylindrical")
+LONGEST = 4096
+"""Pixels of a photograph's longer side as it is kept; larger ones are averaged down."""
+
+
+@dataclass(frozen=True, eq=False)
+class StationPhoto:
+    """kind: one of KINDS.  picture: (H, W, 3) uint8 sRGB.  valid: (H, W) bool, where it holds anything; None: everywhere.
+    fx, fy, cx, cy: as in the module's docstring.  around: whether the columns close a full circle.
+    camera_to_world: (4, 4) float64.  scan: index of the E57 scan it belongs to, None where the file does not say."""
+
+    name: str
+    kind: str
+    picture: np.ndarray
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_world: np.ndarray
+    around: bool = False
+    valid: np.ndarray | None = None
+    scan: int | None = None
+
+    @property
+    def position(self) -> np.ndarray:
+        """(3,) file coordinates of the centre of projection."""
+        return self.camera_to_world[:3, 3]
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) unit vector, file frame: towards the centre of the picture."""
+        return self.camera_to_world[:3, :3] @ ((0.0, 0.0, -1.0) if self.kind == "pinhole" else (1.0, 0.0, 0.0))
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Projects points (n, 3), file coordinates, to pixels (n, 2) float64, column and row; and which are in the picture."""
+        x, y, z = ((np.asarray(points, np.float64) - self.position) @ self.camera_to_world[:3, :3]).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.kind == "pinhole":
+                column, row = self.cx - x / z * self.fx, self.cy + y / z * self.fy
+                seen = z < 0
+            else:
+                flat = np.hypot(x, y)
+                rise = np.arctan2(z, flat) if self.kind == "spherical" else z / flat
+                column, row, seen = self.cx - np.arctan2(y, x) * self.fx, self.cy - rise * self.fy, flat + np.abs(z) > 0
+        height, width = self.picture.shape[:2]
+        if self.around:
+            column = np.mod(column, width)
+        seen = seen & (column >= 0) & (column <= width) & (row >= 0) & (row <= height)
+        return np.stack([column, row], axis=1), seen
+
+
+def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[StationPhoto], list[str]]:
+    """The photographs of an E57 that have a geometry and a pose, and warnings about the others.
+
+    Raises InputError naming the image where a picture is damaged or its geometry is impossible.
+    """
+    check_file(path)
+    with open_e57(path) as file:
+        entries, warnings = listed_photographs(path, file.root(), KINDS)
+        photos = []
+        for entry in entries:
+            try:
+                photos.append(_photo(entry, longest))
+            except library().E57Exception as error:
+                raise InputError(f"{entry.label}: {first_line(error)}; copy or export it again") from None
+    return photos, warnings
+
+
+@dataclass(frozen=True, eq=False)
+class PinholeLens:
+    """width, height, fx, fy, cx, cy: pixels, as in the module's docstring.  camera_to_world: (4, 4) float64."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_world: np.ndarray
+
+
+def pinhole_lenses(path: Path) -> tuple[dict[int, PinholeLens], dict[int, int], int]:
+    """By place in images2D the lens of each pinhole photograph with a pose, without decoding it, and the scan of each
+    photograph that names one; and how many scans the file has.  A photograph whose numbers are impossible has no lens."""
+    check_file(path)
+    with open_e57(path) as file:
+        root = file.root()
+        lenses: dict[int, PinholeLens] = {}
+        for entry in listed_photographs(path, root, ("pinhole",))[0]:
+            try:
+                width, height = int(number_of(entry, "imageWidth")), int(number_of(entry, "imageHeight"))
+                fx, fy, cx, cy = _lens(entry, width, height)
+            except (InputError, library().E57Exception):
+                continue
+            lenses[entry.number] = PinholeLens(width, height, fx, fy, cx, cy, entry.pose)
+        scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(structures(root, "data3D"))}
+        named = [scans.get(text_of(image, "associatedData3DGuid")) for image in structures(root, "images2D")]
+        return lenses, {number: scan for number, scan in enumerate(named) if scan is not None}, len(scans)
+
+
+def _lens(entry, width: float, height: float) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy of a pinhole photograph.  Raises InputError where they are impossible."""
+    focal = number_of(entry, "focalLength")
+    fx, fy = focal / number_of(entry, "pixelWidth"), focal / number_of(entry, "pixelHeight")
+    if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
+        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
+    cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
+    return fx, fy, cx, cy
+
+
+def _photo(entry, longest: int) -> StationPhoto:
+    width, height = number_of(entry, "imageWidth"), number_of(entry, "imageHeight")
+    pitch_x, pitch_y = number_of(entry, "pixelWidth"), number_of(entry, "pixelHeight")
+    cx, cy = width / 2, height / 2
+    if entry.kind == "pinhole":
+        fx, fy, cx, cy = _lens(entry, width, height)
+    else:
+        if entry.kind == "spherical" and width == 2 * height and max(width * pitch_x, height * pitch_y) < 0.1:
+            pitch_x = pitch_y = 2 * np.pi / width  # impossible pixels of a whole sphere, as in viewer.readers.e57.e57_images
+        fx, fy = 1 / pitch_x, 1 / pitch_y
+        if entry.kind == "cylindrical":
+            fy *= number_of(entry, "radius")
+            cy = number_of(entry, "principalPointY", positive=False)
+        if width / fx > 2 * np.pi * 1.001 or (entry.kind == "spherical" and height / fy > np.pi * 1.001):
+            raise InputError(f"{entry.label} spans {np.degrees(width / fx):.4g} degrees; export it again")
+    around = entry.kind != "pinhole" and width / fx > 2 * np.pi * 0.999
+    share = min(1.0, longest / max(width, height))
+    scale = max(1, round(width * share)) / width, max(1, round(height * share)) / height
+    picture, valid = decoded(entry, scale)
+    across, down = scale
+    return StationPhoto(entry.name, entry.kind, picture, fx * across, fy * down, cx * across, cy * down, entry.pose, around,
+                        valid, entry.scan)

@@ -1,0 +1,1 @@
+"""PCD, text, binary and compressed."""

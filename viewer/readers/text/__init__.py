@@ -1,0 +1,1 @@
+"""Points as text: XYZ and its relatives, PTS, PTX, ESRI grids."""

@@ -1,0 +1,1 @@
+"""Which points a frame draws: frustum, level of detail, occlusion."""

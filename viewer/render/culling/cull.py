@@ -1,0 +1,121 @@
+"""Frustum culling and level of detail: the cells in a camera's frustum, and for each as many layers as the picture can show.
+
+Two levels: blocks of cells that follow each other along the Morton curve, then the cells of blocks that the frustum
+touches; compiled loops (viewer.render.culling.cull_kernels) that write into arrays kept from frame to frame.  World frame: the
+scan file's, float64; the result is handed to the GPU relative to the camera, in its view frame (x right, y down, z forward), so
+that no large coordinate ever meets float32.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...grid.density_layers import part_extra
+from .cull_kernels import list_runs, visible_cells
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+
+BLOCK = 64
+"""Cells in a block of the upper level.  How it was chosen is not recorded."""
+_MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the published program
+
+
+@dataclass(frozen=True)
+class DrawList:
+    """first (R,) int64, count (R,) int64, slot (R,) int32: runs of points and the row of ``cell_view`` of their cell,
+    by ascending first.  cell_view (V, 4) float32: view position of each visible cell's first step centre, w the
+    box of its points: six sixteenths (viewer.grid.cell_boxes), first x, y, z and last x, y, z, four bits each from the lowest.
+    axes (3, 3) float32: view rotation times the step.  cells: rows of the scene's cells (V,) int32, ascending.
+    points: how many are drawn.  The arrays belong to the Culler and are valid until its next ``select``."""
+
+    first: np.ndarray
+    count: np.ndarray
+    slot: np.ndarray
+    cell_view: np.ndarray
+    axes: np.ndarray
+    cells: np.ndarray
+    points: int
+
+
+class Culler:
+    """Selects cells and layers.  Holds data derived from the scene, and the arrays that it writes into.
+
+    block: cells in a block.
+    """
+
+    def __init__(self, scene: "Scene", *, block: int = BLOCK):
+        self.scene = scene
+        self._coords = np.ascontiguousarray(scene.cell_coords, np.int32)
+        self._offsets = np.asarray(scene.offsets, np.int64)
+        self._block = block
+        cells = len(self._coords)
+        starts = np.arange(0, cells, block)
+        low = np.minimum.reduceat(self._coords, starts).astype(np.float64)
+        high = np.maximum.reduceat(self._coords, starts).astype(np.float64)
+        self._blocks = np.hstack([(low + high + 1) / 2, (high - low + 1) / 2])
+        self._cells = np.empty(cells, np.int32)
+        self._cell_view = np.empty((cells, 4), np.float32)
+        self._need = np.empty(cells)
+        self._extra = part_extra(scene.parts)
+        self._coverage = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
+        self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
+        self._held = np.empty(cells, np.int64)
+        self._active = np.empty(cells, np.int32)
+        self._reserve(0)
+        self._run(0, 0.0)  # loads the compiled loops now, not in the first frame
+
+    def _reserve(self, runs: int) -> None:
+        """Makes the lists long enough for ``runs`` runs."""
+        size = 1 << max(runs - 1, 1023).bit_length()
+        self._first, self._count = np.empty(size, np.int64), np.empty(size, np.int64)
+        self._slot = np.empty(size, np.int32)
+
+    def _run(self, visible: int, lod: float) -> tuple[int, int, int]:
+        return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need,
+                         self._extra, self._held, self._active, self._first, self._count, self._slot)  # fmt: skip
+
+    def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
+        """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
+
+        Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further
+        out, or behind the camera.  lod: points wanted per pixel, stored for each cell; 0: all.
+        """
+        size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
+        left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
+        top, bottom = camera.cy + _MARGIN, camera.height - camera.cy + _MARGIN
+        planes = np.array(
+            [(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)]
+        )
+        sides = np.abs(planes @ rotation)
+        corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
+        found = visible_cells(
+            self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
+            np.array([camera.fx, camera.fy, left, right, top, bottom]), sides, corner, lod, self._coverage, self._boxes,
+            self._cells, self._cell_view, self._need,
+        )  # fmt: skip
+        return self._cells[:found]
+
+    def select(self, camera: "Camera", lod: float | None = None) -> DrawList:
+        """The draw list of a camera.
+
+        lod: points wanted per pixel that a cell's surfaces cover (its nearest corner decides); None draws all.  A cell gets the
+        fewest layers that hold that many, and of the last of them the fewest parts (viewer.grid.density_layers).
+        """
+        wanted = 0.0 if lod is None else float(lod)
+        cells = self.visible(camera, wanted)
+        runs, points, room = self._run(len(cells), wanted)
+        if room > len(self._first):
+            self._reserve(room)
+            runs, points, _ = self._run(len(cells), wanted)
+        return DrawList(
+            first=self._first[:runs],
+            count=self._count[:runs],
+            slot=self._slot[:runs],
+            cell_view=self._cell_view[: len(cells)],
+            axes=(camera.view_rotation * self.scene.step).astype(np.float32),
+            cells=cells,
+            points=points,
+        )

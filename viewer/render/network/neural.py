@@ -1,0 +1,213 @@
+"""The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use.
+
+Two ways to run: :meth:`NeuralStage.infer` at once, for headless pictures; and :meth:`NeuralStage.start` with
+:meth:`NeuralStage.finish`, for a window, where the network runs on a thread of its own between the two calls.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from ....model.network.engines import ENGINES, Runner
+from ....model.network.network_layout import PACKED_IN
+from ....model.network.reconstruct import Reconstructor, cuda_problem
+from ....model.network.weights import WeightsError
+from ...common.errors import DeviceError, DeviceLostError, InputError
+from ..device import shader
+from ..device.context import LOST, context_lost
+from ..device.device_failure import device_failure
+from ..device.match_device import use_matching_device
+from .background_capture import BackgroundRunner
+from .bridge import Network, ReadBackBridge
+from .choose_bridge import make_bridge
+from .network_thread import NetworkThread
+
+ENGINE_VARIABLE = "POINTGLASS_ENGINE"
+"""Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
+
+_FAILED = ("failed",)
+"""The key of a stage that is not to be used again."""
+_networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
+
+
+def load_network(quality: str, filtered: bool, weights: str | None, precision: str, device: str) -> Reconstructor:
+    """A network, loaded once per process.  weights: a file used instead of the shipped weights.  Raises InputError where the
+    weights do not exist."""
+    key = (quality, filtered, weights, precision, device)
+    if key not in _networks:
+        engine = os.environ.get(ENGINE_VARIABLE) or None
+        if engine is not None and engine not in ENGINES:
+            raise InputError(f"{ENGINE_VARIABLE}={engine}: expected one of {', '.join(ENGINES)}")
+        try:
+            path = Path(weights) if weights else None
+            _networks[key] = Reconstructor(
+                quality, filtered=filtered, device=device, weights=path, precision=None if precision == "auto" else precision,
+                engine=engine)
+        except WeightsError as error:
+            raise InputError(str(error)) from None
+        except Exception as error:
+            if failure := device_failure(error):
+                raise failure from error
+            raise
+    return _networks[key]
+
+
+class NeuralStage:
+    """Owns the bridge and the picture for one size, quality and device, and on CUDA the network's graph for that size.
+
+    background: capture the graph on another thread and run call by call until it is there (for a window).
+
+    filtered: whether a depth filter ran, which decides the weights.  weights: a file used instead.
+    device: auto, cuda or cpu.  ``cuda`` raises DeviceError where CUDA does not work; ``auto`` falls back to the CPU, which
+    ``device`` and ``name`` show.  presented: the camera of ``picture``, None while it holds none.
+    """
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
+                 precision: str, device: str, *, background: bool = False):
+        self.key: tuple = (quality, filtered, weights, precision, device)
+        problem = None if device == "cpu" else cuda_problem()
+        if device == "cuda" and problem:
+            raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+        self.device = "cuda" if device != "cpu" and problem is None else "cpu"
+        if self.device == "cuda":
+            use_matching_device(programs.context)
+        self.network = load_network(quality, filtered, weights, precision, self.device)
+        self.context = programs.context
+        self.presented: object = None
+        self._thread = NetworkThread()
+        self._runner: Runner | BackgroundRunner | None = None
+        try:
+            if self.device == "cuda":
+                self._runner = (BackgroundRunner if background else Runner)(self.network, size[1], size[0])
+            self.bridge, self.bridge_problem = make_bridge(programs, size, self.device)
+        except Exception as error:
+            if self._runner is not None:
+                self._runner.release()
+            if failure := device_failure(error):
+                raise failure from error
+            raise
+        copied = 1 if isinstance(self.bridge, ReadBackBridge) else None
+        self._unpack = programs.compute("network_output.comp", COPIED=copied)
+        self.picture = self.context.texture(size, 4, dtype="f1")
+
+    @property
+    def usable(self) -> bool:
+        """Whether no run of it has failed."""
+        return self.key != _FAILED
+
+    @property
+    def name(self) -> str:
+        """Weights, their hash, precision and device; on CUDA how it runs there."""
+        return self.network.name + (f", {self._runner.name}" if self._runner is not None else "")
+
+    @property
+    def approximations(self) -> list[str]:
+        """Approximations of this stage, in words."""
+        precision = self.network.precision
+        return [] if precision == "fp32" else [f"network in {precision}"]
+
+    @property
+    def bridge_name(self) -> str:
+        """How pixels are transferred, and why the faster way is not used where there is one."""
+        return self.bridge.kind + (f" ({self.bridge_problem})" if self.bridge_problem else "")
+
+    def infer(self) -> Callable[[], float] | None:
+        """Runs the network on the fill pass's output.  Returns the result of the bridge's ``run``.
+
+        Raises DeviceError where the GPU failed, was lost or has no memory left.  The stage is then marked as failed, and the
+        renderer makes a new one, which finds out what still works.
+        """
+        try:
+            with self._thread.lock:
+                return self.bridge.run(self._run)
+        except Exception as error:
+            self._fail(error)
+
+    def settle(self) -> None:
+        """Waits for what is prepared on another thread, so that pictures repeat to the byte from now on."""
+        if isinstance(self._runner, BackgroundRunner):
+            self._runner.settle()
+
+    @property
+    def _run(self) -> Network:
+        return self.network if self._runner is None else self._runner
+
+    def _fail(self, error: BaseException) -> NoReturn:
+        lost = context_lost(self.context)
+        failure = DeviceLostError(LOST) if lost else device_failure(error)
+        if failure is None:
+            raise error
+        self.key = _FAILED
+        if failure is error:
+            raise failure
+        raise failure from error
+
+    @property
+    def deferrable(self) -> bool:
+        """Whether :meth:`start` can be used: pixels go through host memory.  With a mapped buffer the host never waits."""
+        return isinstance(self.bridge, ReadBackBridge)
+
+    def start(self, serial: int, wake: Callable[[], None]) -> None:
+        """Reads back the fill pass's output and starts the network on its own thread.
+
+        serial: identifies the picture.  wake: called on that thread at the end.
+        """
+        width, height = self.picture.size
+        self.context.memory_barrier()
+        packed = np.frombuffer(bytearray(self.bridge.input.read()), np.float16).reshape(height, width, PACKED_IN)
+        run = self._run
+
+        def work() -> np.ndarray:
+            import torch
+
+            made = run(torch.from_numpy(packed).to(run.device))
+            return np.ascontiguousarray(made.cpu().numpy())
+
+        self._thread.start(serial, work, wake)
+
+    def finish(self, serial: int, filled) -> float | None:
+        """Presents the picture ``serial`` if its network has ended; ``filled`` is of the same picture.
+
+        Returns the network's milliseconds, or None while it runs.  Raises DeviceError as :meth:`infer`.
+        """
+        done = self._thread.take(serial)
+        if done is None:
+            return None
+        if done.error is not None:
+            self._fail(done.error)
+        self.bridge.output.write(done.made)
+        self.present(filled)
+        return done.milliseconds
+
+    @property
+    def busy(self) -> bool:
+        """Whether its network runs, or is about to, for a picture that may be out of date."""
+        return self._thread.busy
+
+    def drop(self) -> None:
+        """Forgets a picture whose network has not begun or whose result was not presented; interrupts a run under way."""
+        self._thread.drop()
+
+    def present(self, filled) -> None:
+        """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
+        if isinstance(self.bridge, ReadBackBridge):
+            self.bridge.output_texture().use(1)
+            self._unpack["copied"] = 1
+        else:
+            self.bridge.output.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
+        filled.use(0)
+        self._unpack["filled"] = 0
+        self.picture.bind_to_image(0, read=False, write=True)
+        self._unpack.run(*shader.groups(*self.picture.size))
+        self.context.memory_barrier()
+
+    def release(self) -> None:
+        self._thread.close()
+        self.bridge.release()
+        if self._runner is not None:
+            with self._thread.lock:  # a run under way needs it to its end
+                self._runner.release()
+        self.picture.release()

@@ -1,0 +1,1 @@
+"""The passes after the rasteriser: depth filter, fill, hole test, noise level, development."""

@@ -1,0 +1,148 @@
+"""Development of a finished picture: point size, eye-dome lighting, tones, the lock on measured pixels, the provenance tint.
+
+Passes over the textures of a Frame; what is not asked for does not run.  References: viewer.picture.look and
+viewer.picture.provenance_tint.  Pictures are RGBA8, premultiplied, row 0 at the top.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...picture import provenance_tint
+from ...picture.look import EDL_GAIN, Look, disc, tone_curves
+from ..device import shader
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ..frame import Frame
+
+SHOWS_POINTS = ("raw", "filtered")
+"""Views in which point size and eye-dome lighting apply: only these show points."""
+_KINDS = {"raw": 0, "filtered": 1, "filled": 1, "neural": 2}
+
+
+def needs(look: Look, view: str, *, tint: bool, lock: bool) -> bool:
+    """Whether a picture of ``view`` is developed at all; otherwise the frame's own texture is shown."""
+    return tint or look.develops or (look.shapes_points and view in SHOWS_POINTS) or (lock and view == "neural")
+
+
+class Developer:
+    """Owns two targets and the tables of one picture size."""
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+        context = programs.context
+        self.context, self.size, self._programs = context, size, programs
+        self._targets = [context.texture(size, 4, dtype="f1") for _ in range(2)]
+        self._depth = context.texture(size, 1, dtype="f4")
+        self._curves = context.texture((256, 1), 4, dtype="u1", alignment=1)
+        self._offsets: moderngl.Texture | None = None
+        self._disc = 0  # size of the disc in _offsets
+        self._look: Look | None = None  # whose curves are uploaded
+
+    def run(self, frame: "Frame", view: str, look: Look, *, tint: bool = False, lock: bool = False) -> "moderngl.Texture":
+        """The developed picture of a view; valid until the next call or the renderer's next picture.
+
+        tint, and lock for a neural picture, need the filtered view in the frame (except tint of a raw picture).
+        """
+        picture, depth, mask = frame.textures[view], frame.depth_texture, frame.mask_texture
+        measured = frame.textures.get("filtered", picture)
+        if lock and view == "neural" and mask is not None:
+            picture = self._pass("look_lock.comp", {"picture": picture, "measured": measured, "mask": mask})
+        if view in SHOWS_POINTS and look.shapes_points:
+            picture = self._shaped(picture, depth, mask if view == "filtered" else None, look)
+        if tint:
+            inputs = {"picture": picture, "measured": measured, "mask": mask or picture}
+            colours = [provenance_tint.COLOURS[key] for key in sorted(provenance_tint.COLOURS)]
+            return self._pass("look_provenance.comp", inputs, {"kind": _KINDS[view], "colours": colours},
+                              FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT)
+        if look.develops:
+            if look != self._look:
+                curves = np.zeros((256, 4), np.uint8)
+                curves[:, :3] = tone_curves(look)
+                self._curves.write(curves.tobytes())
+                self._look = look
+            picture = self._pass("look_tone.comp", {"picture": picture, "curves": self._curves})
+        return picture
+
+    def _shaped(self, picture: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture | None",
+                look: Look) -> "moderngl.Texture":
+        """Draws points as discs, which also gives eye-dome lighting the depth of the pixels shown; then lights them."""
+        if self._disc != look.point_size or self._offsets is None:
+            offsets = np.array(disc(look.point_size), np.int32)
+            if self._offsets is not None:
+                self._offsets.release()
+            self._offsets = self.context.texture((len(offsets), 1), 2, offsets.tobytes(), dtype="i4")
+            self._disc = look.point_size
+        inputs = {"picture": picture, "depth": depth, "offsets": self._offsets} | ({"mask": mask} if mask is not None else {})
+        self._depth.bind_to_image(1, read=False, write=True)
+        picture = self._pass("look_points.comp", inputs, MASKED=1 if mask is not None else None)
+        if look.edl > 0:
+            settings = {"gain": EDL_GAIN * look.edl, "radius": eye_dome_radius(self.size[1])}
+            picture = self._pass("look_eye_dome.comp", {"picture": picture, "depth": self._depth}, settings)
+        return picture
+
+    def _pass(self, name: str, inputs: "dict[str, moderngl.Texture]", settings: dict | None = None,
+              **defines: object) -> "moderngl.Texture":
+        program = self._programs.compute(name, **defines)
+        target = self._targets[0] if all(texture is not self._targets[0] for texture in inputs.values()) else self._targets[1]
+        for unit, (key, texture) in enumerate(inputs.items()):
+            if key in program:
+                texture.use(unit)
+                program[key] = unit
+        for key, value in (settings or {}).items():
+            program[key] = value
+        target.bind_to_image(0, read=False, write=True)
+        program.run(*shader.groups(*self.size))
+        self.context.memory_barrier()
+        return target
+
+    def release(self) -> None:
+        for texture in (*self._targets, self._depth, self._curves, self._offsets):
+            if texture is not None:
+                texture.release()
+
+
+class DevelopedViews:
+    """The developed pictures of a frame, each made once and kept until the frame or the look changes."""
+
+    def __init__(self, programs: shader.Programs):
+        self._programs = programs
+        self._developers: dict[str, Developer] = {}
+        self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
+
+    def texture(self, frame: "Frame", view: str, look: Look, *, tint: bool, lock: bool) -> "moderngl.Texture":
+        """A view of the frame with the look applied: the frame's own texture where the look changes nothing."""
+        plain = frame.textures[view]
+        if (tint or lock) and view != "raw" and "filtered" not in frame.textures:
+            tint = lock = False  # of the frame before they were asked for
+        if not needs(look, view, tint=tint, lock=lock):
+            return plain
+        key = (look, tint, lock, frame.facts.get("network_pending"))  # the network may add its picture later
+        made = self._made.get(view)
+        if made is not None and made[0] is frame and made[1] == key:
+            return made[2]
+        developer = self._developers.get(view)
+        if developer is None or developer.size != plain.size:
+            if developer is not None:
+                developer.release()
+            developer = self._developers[view] = Developer(self._programs, plain.size)
+        texture = developer.run(frame, view, look, tint=tint, lock=lock)
+        self._made[view] = frame, key, texture
+        return texture
+
+    def release(self) -> None:
+        for developer in self._developers.values():
+            developer.release()
+        self._developers.clear()
+        self._made.clear()
+
+
+def read_picture(texture: "moderngl.Texture") -> np.ndarray:
+    """(H, W, 4) uint8 of a picture's texture, row 0 at the top."""
+    return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width, 4)
+
+
+def eye_dome_radius(height: int) -> int:
+    """Pixels to the neighbours that eye-dome lighting compares with: 1 at 1080 rows and below, 2 at 2160."""
+    return max(1, round(height / 1080))

@@ -1,0 +1,136 @@
+"""Pull-push fill as compute passes: the filled picture and, for the neural view, the network's input.
+
+``model/reference/pull_push.py`` is the reference implementation.  The network's input is eight half-precision channels a
+pixel, channels last, in a storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import moderngl
+
+from ....model.network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
+from ....model.reference.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
+from ..culling.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
+from ..device import shader
+from .filter import level_sizes
+from .hole_test import HoleTest
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+    from ..network.bridge import Pixels
+
+INPUT_BYTES = 16  # a pixel
+_CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
+_BACKGROUND = {
+    "BACKGROUND": 1, "EMPTY_FEATURE": EMPTY_FEATURE, "NEARER_SCALE": NEARER_SCALE, "NEARER_START": NEARER_START,
+    "WIDER_SCALE": WIDER_SCALE,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """The noise level's own pyramid, beside that of colour and depth."""
+
+    values: list[moderngl.Texture]
+    pushed: list[moderngl.Texture]
+
+
+class Fill:
+    """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 where there is background) and, where
+    asked, the network's input."""
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+        context = programs.context
+        self.context, self.size = context, size
+        levels = max(1, (max(size) - 1).bit_length())
+        sizes = level_sizes(size, levels)
+        self.filled = context.texture(size, 4, dtype="f1")
+        self._values = [context.texture(s, 4, dtype="f4") for s in sizes]
+        self._weights = [context.texture(s, 1, dtype="f4") for s in sizes]
+        self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
+        self._hole_test = HoleTest(programs, size, self._weights)
+        self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
+        self._noise: _Noise | None = None  # made when a noise level is first given
+        self._programs = programs
+        self._compiled: dict[tuple, moderngl.ComputeShader] = {}
+
+    def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
+            around: Directions, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
+        """around: the directions from the camera position.  spacing: of points, file units.
+        network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
+        nothing is measured; None: 0 everywhere.  It is filled for the network only."""
+        if network is None:
+            noise = None
+        feature_scale = 1.0 / (camera.fx * spacing)
+        base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
+        coarse, is_sum = self._pyramid(base, feature_scale)
+        view = closed_in_view(around.closed, camera)
+        if view not in (CLOSED, SEALED):  # else no direction in view is background, and the hole test is not needed
+            self._hole_test.run(camera, around.occupancy)
+        self._closed.write(around.closed)
+        if network is not None:
+            network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
+        push = self._program("fill_picture.comp", base=True, noise=noise is not None, NETWORK=None if network is None else 1,
+                             ALIKE=view, SEALED=SEALED)
+        if view is None:
+            push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+            push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
+        inputs = {**base, **coarse, "holes": self._hole_test.holes, "closed": self._closed}
+        self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale=feature_scale, coarse_is_sum=is_sum)
+
+    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
+        """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0."""
+        carried = self._noise_pyramid() if "noise" in base else _Noise([], [])
+        noisy = bool(carried.values)
+        levels = [{"value": value, "weight": weight} for value, weight in zip(self._values, self._weights, strict=True)]
+        for level, noise in zip(levels, carried.values, strict=False):
+            level["noise"] = noise
+        for index, level in enumerate(levels):  # the children's level; ``levels`` starts at level 1
+            pull = self._program("fill_pull.comp", base=index == 0, noise=noisy, background=index >= FIRST_LEVEL)
+            self._pass(pull, level["value"].size, list(level.values()), levels[index - 1] if index else base,
+                       feature_scale=feature_scale, wider_offset=wider_offset(index))  # fmt: skip
+        coarse, is_sum = {"coarse": self._values[-1]} | ({"coarse_noise": carried.values[-1]} if noisy else {}), 1
+        for index in range(len(self._pushed) - 1, -1, -1):
+            above = index + 2  # the level of ``coarse``
+            push = self._program("fill_push.comp", noise=noisy, background=above >= FIRST_LEVEL)
+            made = {"coarse": self._pushed[index]} | ({"coarse_noise": carried.pushed[index]} if noisy else {})
+            self._pass(push, self._pushed[index].size, list(made.values()), {**coarse, **levels[index]},
+                       coarse_is_sum=is_sum, wider_offset=wider_offset(above))  # fmt: skip
+            coarse, is_sum = made, 0
+        return coarse, is_sum
+
+    def _noise_pyramid(self) -> _Noise:
+        if self._noise is None:
+            like = self._values, self._pushed
+            self._noise = _Noise(*([self.context.texture(t.size, 1, dtype="f4") for t in textures] for textures in like))
+        return self._noise
+
+    def _program(self, name: str, *, base: bool = False, noise: bool = False, background: bool = False,
+                 **defines: object) -> moderngl.ComputeShader:
+        """A pass, compiled when it is first needed."""
+        key = (name, base, noise, background, *defines.values())
+        if key not in self._compiled:
+            constants = (_CONSTANTS if base else {}) | (_BACKGROUND if background else {})
+            self._compiled[key] = self._programs.compute(name, BASE=base or None, NOISE=noise or None, **constants, **defines)
+        return self._compiled[key]
+
+    def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
+              inputs: dict[str, moderngl.Texture], **uniforms: float) -> None:
+        for unit, (name, texture) in enumerate({**inputs, "whole_weight": self._weights[-1]}.items()):
+            if name in program:
+                texture.use(unit)
+                program[name] = unit
+        for unit, texture in enumerate(outputs):
+            texture.bind_to_image(unit, read=False, write=True)
+        for name, value in uniforms.items():
+            if name in program:
+                program[name] = value
+        program.run(*shader.groups(*size))
+        self.context.memory_barrier()
+
+    def release(self) -> None:
+        carried = [*self._noise.values, *self._noise.pushed] if self._noise else []
+        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *carried):
+            resource.release()
+        self._hole_test.release()

@@ -1,0 +1,89 @@
+"""The depth filter of preset ``auto`` where OpenGL is software: compiled loops on the arrays of the processor's rasteriser.
+
+The same bytes as viewer.render.passes.filter; reference implementation: model/reference/depth_filter.py.  llvmpipe takes
+several times as long, most of it for reading each pixel's neighbours (viewer/bench/README.md).
+"""
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.common.process.processors import in_rows
+from ....model.reference import filter_constants as constants
+from .filter import level_sizes
+from .filter_loops import base_rows, coarser_rows, keep_rows, surround, threshold_rows
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ..raster.raster_cpu import CpuRasteriser
+
+_FEW = 32
+"""Rows of a thread at least: a smaller plane takes less time than waking another thread.  Chosen by hand."""
+_NONE = np.empty(0, np.float32)
+
+
+def _limits(level: int, strength: float) -> tuple[np.float32, ...]:
+    return tuple(np.float32(limit) for limit in constants.hiding_limits(level, strength))
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A level of the pyramid; planes as in filter_loops, thresholds (h * w,)."""
+
+    width: int
+    height: int
+    near: np.ndarray
+    support: np.ndarray
+    threshold: np.ndarray
+
+    @staticmethod
+    def of(size: tuple[int, int]) -> "_Level":
+        width, height = size
+        near, support = (np.zeros((width + 2) * (height + 2), np.float32) for _ in range(2))
+        return _Level(width, height, near, support, np.empty(width * height, np.float32))
+
+    def surround(self, *, mirrored: bool) -> None:
+        for plane in (self.near, self.support):
+            surround(plane, self.width, self.height, mirrored)
+
+
+class CpuDepthFilter:
+    """Owns the planes of one picture size.  ``run`` fills ``mask`` (R8) and ``filtered`` (RGBA8)."""
+
+    preset = "auto"
+
+    def __init__(self, context: "moderngl.Context", size: tuple[int, int], levels: int | None = None):
+        self.size, self.wanted_levels = size, levels
+        self.levels = constants.LEVELS["auto"] if levels is None else levels
+        self.mask, self.filtered = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
+        self._pyramid = [_Level.of(each) for each in (size, *level_sizes(size, self.levels))]
+        self._kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
+
+    def run(self, rasteriser: "CpuRasteriser", *, strength: float = 1.0) -> None:
+        """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance."""
+        base, pyramid = self._pyramid[0], self._pyramid
+        in_rows(base.height, _FEW, base_rows, rasteriser.depths, base.near, base.support, base.width)
+        for fine, coarse in itertools.pairwise(pyramid):
+            in_rows(coarse.height, _FEW, coarser_rows, fine.near, fine.support, fine.width, coarse.near, coarse.support,
+                    coarse.width)  # fmt: skip
+        coarser = _NONE
+        for number in range(self.levels, 0, -1):
+            level = pyramid[number]
+            if number in constants.MIRRORED:
+                level.surround(mirrored=True)
+            in_rows(level.height, _FEW, threshold_rows, level.near, level.support, level.width, coarser,
+                    *_limits(number, strength), level.threshold)  # fmt: skip
+            if number in constants.MIRRORED:
+                level.surround(mirrored=False)  # the next picture's blocks are empty beyond the edge
+            coarser = level.threshold
+        in_rows(base.height, _FEW, keep_rows, base.near, base.width, coarser, *_limits(0, strength)[:2], rasteriser.colours,
+                self._kept, self._shown)  # fmt: skip
+        self.mask.write(self._kept)
+        self.filtered.write(self._shown)
+
+    def release(self) -> None:
+        self.mask.release()
+        self.filtered.release()

@@ -1,0 +1,1 @@
+"""The rasterisers: a draw list to colour, depth and evidence."""

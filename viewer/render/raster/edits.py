@@ -1,0 +1,149 @@
+"""Edits: clips, hidden stations, ghosts and colour modes, which decide which points are drawn and in which colour.
+
+Clips, hidden stations and hidden ghosts remove points, the look colours them by an attribute, dimmed ghosts are a faint grey.
+A picture without edits runs programs compiled
+without them.  With edits, cells that clips remove completely are not drawn, and the rest is decided point by point
+(shaders/common_edits.glsl).  References: viewer.picture.clip.contains and viewer.picture.look.levels.
+Frame: clips and heights in file coordinates, float64; handed to the GPU in the view frame relative to the camera, float32.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ...grid.scene import unpack
+from ...picture.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
+from ...picture.look import COLOUR_BY, LEVELS, Look, table_of
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+    from ..culling.cull import DrawList
+
+BLOCK = np.dtype([
+    ("clip_rows", "<f4", (3 * MOST_CLIPS, 4)), ("clip_groups", "<u4", 4), ("hidden", "<u4", 8), ("upward", "<f4", 4),
+    ("ramp", "<f4", 4), ("mode", "<u4", 4), ("table", "<u4", LEVELS),
+])  # fmt: skip
+"""The uniform block Edits of common_edits.glsl (std140)."""
+DIMMED_LEAST, DIMMED_SHIFT = 40, 2
+"""A dimmed point is grey: this level, and its own brightness shifted right by this many bits; chosen by hand."""
+DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT}
+_SAMPLE = 200_000
+"""Points whose attributes determine the ends of a colour ramp.  How it was chosen is not recorded."""
+_INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class Edits:
+    """clips: file coordinates.  hidden: numbers of stations that are not drawn.  look: how points are coloured.
+    up: unit vector, file frame, along which heights count.  ghosts: one of viewer.work.ghosts.GHOSTS; it applies where the
+    scene's ghosts are marked (Scene.marked)."""
+
+    clips: tuple[Clip, ...] = ()
+    hidden: frozenset[int] = frozenset()
+    look: Look = field(default_factory=Look)
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    ghosts: str = "shown"
+
+    @property
+    def empty(self) -> bool:
+        """Whether no edit changes any point."""
+        return not (self.drops or self.recolours or self.ghosts == "dimmed")
+
+    @property
+    def recolours(self) -> bool:
+        """Whether points are coloured by an attribute."""
+        return self.look.colour_by != "rgb"
+
+    def shown_in(self, views: Iterable[str]) -> "Edits | None":
+        """The edits that apply to a picture of these views, None where none does: hole fill and network use RGB only."""
+        plain = self if set(views) <= {"raw", "filtered"} else replace(self, look=replace(self.look, colour_by="rgb"))
+        return None if plain.empty else plain
+
+    def hidden_in(self, scene: "Scene") -> frozenset[int]:
+        """Numbers of the stations of ``scene`` that are not drawn, hidden ghosts among them."""
+        ghosts = {scene.marked.station} if scene.marked is not None and self.ghosts == "hidden" else set()
+        return self.hidden | ghosts
+
+    @property
+    def drops(self) -> bool:
+        """Whether some points may not be drawn."""
+        return bool(active(self.clips) or self.hidden or self.ghosts == "hidden")
+
+
+def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
+    """The uniform block Edits for a picture, as bytes."""
+    data = np.zeros((), BLOCK)
+    rotation = camera.view_rotation
+    groups = np.zeros(3, np.uint32)
+    clips = active(edits.clips)
+    for number, clip in enumerate(clips):
+        rows = normals(clip)
+        data["clip_rows"][3 * number : 3 * number + 3, :3] = rows @ rotation.T
+        data["clip_rows"][3 * number : 3 * number + 3, 3] = rows @ (camera.position - np.array(clip.centre))
+        groups[group(clip)] |= np.uint32(1 << number)
+    data["clip_groups"] = (len(clips), *groups)
+    for station in edits.hidden_in(scene):
+        if 0 <= station < LEVELS:
+            data["hidden"][station // 32] |= np.uint32(1 << station % 32)
+    low, high = ends_of(edits, scene, camera)
+    up = np.array(edits.up)
+    data["upward"] = (*(rotation @ up), up @ camera.position - low)
+    data["ramp"][:2] = low, (LEVELS - 1) / (high - low) if high > low else 1e30
+    layout = scene.attributes
+    data["ramp"][2:] = layout.low or 0, layout.step
+    data["mode"][1] = layout.has_classes
+    if scene.marked is not None and edits.ghosts == "dimmed":
+        data["mode"][2] = scene.marked.station + 1
+    data["mode"][0] = list(COLOUR_BY).index(edits.look.colour_by)
+    colours = table_of(edits.look).astype(np.uint32)
+    data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16
+    return data.tobytes()
+
+
+def dimmed(rgb: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8: colours of points (n, 3) uint8 as dimmed ghosts have them; common_edits.glsl does the same."""
+    grey = rgb.astype(np.uint32) @ np.array([77, 150, 29], np.uint32) >> 8
+    return np.repeat((DIMMED_LEAST + (grey >> DIMMED_SHIFT)).astype(np.uint8)[:, None], 3, axis=1)
+
+
+def ends_of(edits: Edits, scene: "Scene", camera: "Camera | None" = None) -> tuple[float, float]:
+    """The attribute at the two ends of the ramp: as the look says, else as the scan's points have it.
+
+    camera: for distances; None: those are told from the middle of the scan.
+    """
+    low, high = edits.look.low, edits.look.high
+    if (low is None or high is None) and edits.look.colour_by in ("intensity", "height", "distance"):
+        least, most = _extremes(edits, scene, camera)
+        low, high = least if low is None else low, most if high is None else high
+    return low or 0.0, high or 0.0
+
+
+def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[float, float]:
+    """Least and greatest of the attribute: heights and distances of the scan's bounds, intensities of 99 % of a sample."""
+    if edits.look.colour_by == "intensity":
+        if scene not in _INTENSITIES:
+            intensity = unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2]  # the coarsest layers: evenly from the whole scan
+            low, high = np.percentile(intensity, [0.5, 99.5]) if len(intensity) else (0.0, 0.0)
+            _INTENSITIES[scene] = float(low), float(high)
+        return _INTENSITIES[scene]
+    corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
+    if edits.look.colour_by == "height":
+        values = corners @ np.array(edits.up)
+        return float(values.min()), float(values.max())
+    eye = camera.position if camera is not None else scene.bounds.mean(axis=0)
+    return 0.0, float(np.linalg.norm(corners - eye, axis=1).max())
+
+
+def without_clipped_cells(draw: "DrawList", edits: Edits, scene: "Scene") -> "DrawList":
+    """The draw list without the runs of cells that clips remove completely."""
+    clips = active(edits.clips)
+    if not clips or len(draw.cells) == 0:
+        return draw
+    centre = scene.origin + (scene.cell_coords[draw.cells] + 0.5) * scene.cell_size
+    left = may_contain(clips, centre, 0.5 * scene.cell_size)[draw.slot]
+    count = draw.count[left]
+    return replace(draw, first=draw.first[left], count=count, slot=draw.slot[left], points=int(count.sum()))

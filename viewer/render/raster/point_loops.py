@@ -1,0 +1,99 @@
+"""Compiled decisions about one point: whether edits drop it, its colour, and its weight in view-dependent blending.
+
+The same operations, in the same order and in float32, as shaders/common_edits.glsl, common_attributes.glsl and
+common_stations.glsl.  References: viewer.picture.clip.contains, viewer.picture.look.levels and
+model/reference/station_weights.py.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ....model.common.jit import compiled
+from ....model.reference.station_constants import HEAVIEST, UNPLACED
+from .edits import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
+
+_F, _U = np.float32, np.uint32
+
+
+class Edited(NamedTuple):
+    """The fields of viewer.render.raster.edits.BLOCK; all empty where there are no edits."""
+
+    clip_rows: np.ndarray
+    clip_groups: np.ndarray
+    hidden: np.ndarray
+    upward: np.ndarray
+    ramp: np.ndarray
+    mode: np.ndarray
+    table: np.ndarray
+
+    @staticmethod
+    def of(block: bytes | None) -> "Edited":
+        """The edits of a picture.  block: of viewer.render.raster.edits.block_of, or None."""
+        if block is None:
+            return Edited(*(np.empty((0, *BLOCK[name].shape[1:]), BLOCK[name].base) for name in Edited._fields))
+        made = np.frombuffer(block, BLOCK)[0]
+        return Edited(*(np.array(made[name]) for name in Edited._fields))
+
+
+@compiled(nogil=True)
+def dropped(edits, x, y, z, station):
+    """Whether edits remove a point.  x, y, z: view frame."""
+    if edits.hidden[station >> _U(5)] >> (station & _U(31)) & _U(1):
+        return True
+    inside, rows = _U(0), edits.clip_rows
+    for clip in range(edits.clip_groups[0]):
+        within = True
+        for row in range(3 * clip, 3 * clip + 3):
+            within &= abs(((rows[row, 0] * x + rows[row, 1] * y) + rows[row, 2] * z) + rows[row, 3]) <= _F(1.0)
+        if within:
+            inside |= _U(1) << _U(clip)
+    keeping, slabs, removing = edits.clip_groups[1], edits.clip_groups[2], edits.clip_groups[3]
+    return (keeping > 0 and inside & keeping == 0) or (slabs > 0 and inside & slabs == 0) or inside & removing > 0
+
+
+@compiled(nogil=True)
+def recoloured(edits, second, third, x, y, z):
+    """The third word of a point with the colour of its attribute; unchanged where points keep their colours."""
+    mode, ramp = edits.mode, edits.ramp
+    classes = mode[1] != 0
+    if mode[2] == _U(1) + (third >> _U(24)):
+        grey = _U(77) * (third & _U(0xFF)) + _U(150) * (third >> _U(8) & _U(0xFF)) + _U(29) * (third >> _U(16) & _U(0xFF))
+        return third & _U(0xFF000000) | (_U(DIMMED_LEAST) + (grey >> _U(8 + DIMMED_SHIFT))) * _U(0x010101)
+    if mode[0] == 0:
+        return third
+    if mode[0] == 3:
+        row = second >> _U(24) if classes else _U(0)
+    elif mode[0] == 4:
+        row = third >> _U(24)
+    else:
+        if mode[0] == 1:
+            bits = second >> _U(16)
+            intensity = np.rint(_F(bits & _U(0xFF)) * ramp[3] + ramp[2]) if classes else _F(bits)
+            above = intensity - ramp[0]
+        elif mode[0] == 2:
+            up = edits.upward
+            above = ((up[0] * x + up[1] * y) + up[2] * z) + up[3]
+        else:
+            above = np.sqrt((x * x + y * y) + z * z) - ramp[0]
+        level = above * ramp[1]
+        row = _U((min(level, _F(255.0)) if level > _F(0.0) else _F(0.0)) + _F(0.5))
+    return third & _U(0xFF000000) | edits.table[row]
+
+
+@compiled(nogil=True)
+def point_weight(stations, x, y, z, station):
+    """The weight of a point, 1..HEAVIEST; UNPLACED where its scanner's position is unknown.
+
+    stations: (256, 4) float32, view position of each scan's scanner, and 1, or 0 where unknown.  x, y, z: view frame.
+    """
+    if stations[station, 3] < _F(0.5):
+        return _U(UNPLACED)
+    bx, by, bz = stations[station, 0] - x, stations[station, 1] - y, stations[station, 2] - z
+    eye = (x * x + y * y) + z * z
+    scanner = (bx * bx + by * by) + bz * bz
+    along = (bx * x + by * y) + bz * z
+    turned = _F(0.5) - _F(0.5) * ((along / eye) * abs(along / scanner))
+    square = turned * turned
+    value = (_F(2.0 * HEAVIEST) * (square * square)) * (scanner / (scanner + eye)) + _F(0.5)
+    return _U(min(value, _F(HEAVIEST + 0.5))) if value >= _F(1.0) else _U(1)  # NaN is not at least 1

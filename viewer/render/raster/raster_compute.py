@@ -1,0 +1,125 @@
+"""The compute rasteriser: workgroups that draw batches of points with integer atomics (after Schuetz et al. 2021).
+
+See viewer.render.raster.raster and raster_shader.  Only this rasteriser supports occlusion culling
+(viewer.render.culling.occlusion).
+"""
+
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from ....model.common.process.processors import usable_processors
+from ..culling.cull import DrawList
+from ..culling.occlusion import LAG, MAX_GROUPS, HiddenCells, History
+from ..device import shader
+from ..device.device_class import Workgroup, workgroups
+from ..device.shader import BATCH, BINDINGS, STRETCH
+from .batches import BatchTable
+from .raster_shader import COPIED_KEYS, ShaderRasteriser
+
+if TYPE_CHECKING:
+    from ...stream.residency import Round
+    from ..device.context import Device
+    from .points import PointPages
+
+
+class ComputeRasteriser(ShaderRasteriser):
+    """Compute shaders with atomics.  workgroup: its shape; None: the default of the device's class."""
+
+    kind = "compute"
+    from_keys = 1
+    overlap = BATCH
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device", workgroup: Workgroup | None = None):
+        super().__init__(programs, size, device)
+        self.workgroup = workgroup = workgroup or workgroups(device.kind)[0]
+        self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
+        self._copied_keys = self.context.texture((size[0], self.band_rows), 1, dtype="u4") if device.software else None
+        self.table = BatchTable(4, (0, 1, 2), BATCH)
+        self._rows, self._lag = workgroup.rows, LAG[device.software]
+        self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
+                        "THREADS": usable_processors() if device.software else None}
+        self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
+
+    def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
+        """Programs of depth and colour.  appended: 1 for the list of batches that occlusion culling adds."""
+        key = self.weighted, self.edited, appended
+        if key not in self._steps:
+            self._steps[key] = [
+                self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **self.variant, **more)
+                for name, more in (("depth", {}), ("colour", {**self.weights, **self.layout}))
+            ]
+        return self._steps[key]
+
+    def _bind(self) -> None:
+        self.upload.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])
+        self.cells.buffer.bind_to_storage_buffer(BINDINGS["CELLS"])
+        self.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
+        self._bind_sums()
+
+    def _copy(self, resolve: moderngl.ComputeShader) -> None:
+        super()._copy(resolve)
+        if self._copied_keys is not None:
+            self._copied_keys.write(self.keys)
+            self._copied_keys.use(COPIED_KEYS)
+            resolve["copied_keys"] = COPIED_KEYS
+
+    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
+        self.zero(self.keys)
+        for step, order in zip(self._passes(), (rounds, rounds[::-1]), strict=True):
+            for part in order:
+                self._bring(pages, draw, part)
+                self._bind()
+                for page in range(len(pages.buffers)):
+                    self._draw(step, pages, page, int(self.table.bounds[page]), int(self.table.bounds[page + 1]))
+                self.context.memory_barrier()
+
+    def _draw(self, step: moderngl.ComputeShader, pages: "PointPages", page: int, start: int, stop: int) -> None:
+        if stop == start:
+            return
+        pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
+        step["first_batch"], step["batch_count"] = start, stop - start
+        groups = -(-(stop - start) // self._rows)
+        across = min(groups, MAX_GROUPS)
+        step.run(across, -(-groups // across), 1)
+
+    @property
+    def can_hide(self) -> bool:
+        return self.band_rows >= self.size[1]
+
+    def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
+        if self.hider is None:
+            self.hider = HiddenCells(self.programs, self.size, self._rows, self._lag)
+        hider, count = self.hider, len(pages.buffers)
+        known = history.memory.recall(history.scene, draw, hider)
+        np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
+        self._bring(pages, draw, part, known)
+        bounds = self.table.bounds
+        np.subtract(1, known, out=known)
+        hider.start(known, count, int(bounds[-1]))
+        self.zero(self.keys)
+        passes = self._passes()
+        for step, appended in zip(passes, self._passes(appended=1), strict=True):
+            self._bind()
+            for page in range(count):
+                self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
+            self.context.memory_barrier()
+            if step is passes[0]:
+                hider.build(self.keys, history)
+                hider.test(self.cells.buffer)
+                hider.append(self.upload.buffer, bounds)
+                self._bind()
+            for page, buffer in enumerate(pages.buffers):
+                if bounds[2 * page + 2] > bounds[2 * page + 1]:
+                    hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
+            self.context.memory_barrier()
+        hider.end()
+
+    def release(self) -> None:
+        super().release()
+        self.keys.release()
+        if self._copied_keys is not None:
+            self._copied_keys.release()
+        if self.hider is not None:
+            self.hider.release()

@@ -1,0 +1,1 @@
+"""How the camera moves: keys, mouse, gamepad, glides, walking, where it starts."""

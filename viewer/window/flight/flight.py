@@ -1,0 +1,242 @@
+"""Where the camera is, and how held keys, the mouse and time move it.  The steps themselves are in ``navigation``, ``orbit``
+and ``glide``.
+
+Frame: file coordinates; up is the direction that the document calls up.  Speeds are file units a second; the
+clock counts seconds.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...picture.camera import Camera, from_fov
+from ...work.places.up_axis import turned, upright_axes
+from .framing import overview
+from .gamepad import STILL
+from .glide import Glide
+from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
+from .start_viewpoint import FIELD_OF_VIEW, Survey
+from .walking import Walker
+
+REST = 0.25
+"""Seconds without a change of camera that count as rest."""
+STICK = 2.2
+"""Radians a second that a fully pushed stick turns the camera: half a turn in 1.4 seconds.  Chosen by hand."""
+_LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wall
+_WAYS = {"forward", "back", "left", "right", "up", "down"}
+
+
+class Flight:
+    """One camera through one scene after another; before the first there is nowhere to fly.
+
+    state: position, direction, speed.  field_of_view: vertical, degrees.  home: where the visit began.
+    held: actions of the keys held down.
+    looking: whether the mouse turns the camera.  push: what the gamepad asks for.
+    walker: the person who walks on the floor, None while flying.
+    floor_lost: whether a walk ended because there was no floor any more.
+    """
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self._seen: Survey | None = None
+        self.state = self.home = FlyState(np.zeros(3))
+        self.field_of_view = FIELD_OF_VIEW
+        self.held: set[str] = set()
+        self.looking = self.floor_lost = False
+        self.walker: Walker | None = None
+        self.push = STILL
+        self._look = [0.0, 0.0]
+        self._glide: tuple[float, Glide] | None = None  # since when
+        self._dragged = False  # since the last call of advance
+        self._moved = clock()
+        self._camera: tuple[tuple[int, int], float, FlyState, Camera] | None = None
+        self._time: float | None = None
+
+    def camera(self, size: tuple[int, int]) -> Camera:
+        """The camera of a picture of so many pixels; the same object until something changes."""
+        made, lens, state = self._camera, self.field_of_view, self.state  # a state is never changed, but replaced
+        if made is None or made[0] != size or made[1] != lens or made[2] is not state:
+            made = self._camera = size, lens, state, from_fov(*size, lens, state.camera_to_world)
+        return made[3]
+
+    def begin(self, state: FlyState, seen: Survey) -> None:
+        """Visits another scene, from ``state`` on, with the usual field of view."""
+        self.field_of_view = FIELD_OF_VIEW
+        self._seen, self.state, self.home = seen, state, state
+        self._glide = self.walker = None
+        self._moved = self._clock() - REST
+
+    def continue_in(self, seen: Survey) -> None:
+        """Another scene of the same place: the camera stays where it is."""
+        self._seen = seen
+
+    @property
+    def at_home(self) -> bool:
+        """Whether the camera is where the visit began."""
+        return _place(self.state) == _place(self.home)
+
+    @property
+    def middle(self) -> np.ndarray:
+        """(3,) the middle of the scene, file coordinates."""
+        return np.zeros(3) if self._seen is None else (self._seen.low + self._seen.high) / 2
+
+    @property
+    def moving(self) -> bool:
+        """Whether the camera moves now or did a moment ago."""
+        return self.under_way or self._clock() - self._moved < REST
+
+    @property
+    def under_way(self) -> bool:
+        """Whether time alone, or a movement of the mouse not yet followed, changes the picture."""
+        by_itself = self._glide is not None or (self.walker is not None and not self.walker.settled)
+        return by_itself or self._keys_move() or self.state.moving or any(self._look) or self._dragged
+
+    @property
+    def rest_in(self) -> float:
+        """Seconds until the camera counts as at rest, if nothing moves it; below zero where it does already."""
+        return self._moved + REST - self._clock()
+
+    def _keys_move(self) -> bool:
+        return bool(self.held & _WAYS) or self.push.moves or self.push.looks
+
+    def advance(self) -> bool:
+        """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
+        now = self._clock()
+        dt = 0.0 if self._time is None else min(now - self._time, _LONGEST_STEP)
+        moves, before = self.under_way, self.state
+        self._time = now if moves else None
+        if self._keys_move() or any(self._look):
+            self._glide = None
+        if self._glide is not None:
+            self._follow_glide(now)
+        elif moves and self._seen is not None:
+            motion = self._motion(dt)
+            self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
+        self._look = [0.0, 0.0]
+        changed, self._dragged = self._dragged or _place(before) != _place(self.state), False
+        if changed:
+            self._moved = now
+        return changed
+
+    def _motion(self, dt: float) -> Motion:
+        """What keys, mouse and gamepad ask for.  A stick moves as fast as it is pushed; its look is squared, for fine turns."""
+        held, push = self.held, self.push
+        forward, right, up = (("forward" in held) - ("back" in held), ("right" in held) - ("left" in held),
+                              ("up" in held) - ("down" in held))
+        pushed = float(np.linalg.norm([push.forward, push.right, push.up]))
+        strength = 1.0 if held & _WAYS else min(pushed, 1.0)
+        turn = STICK / LOOK * dt
+        return Motion(
+            forward=forward + push.forward, right=right + push.right, up=up + push.up, fast="fast" in held,
+            slow="slow" in held, strength=strength if pushed else 1.0,
+            look=(self._look[0] + turn * push.turn * abs(push.turn), self._look[1] - turn * push.tilt * abs(push.tilt)),
+        )  # fmt: skip
+
+    def _walk(self, walker: Walker, motion: Motion, dt: float) -> FlyState:
+        """The camera after a time on foot; where there is no floor any more it stops and flies from now on."""
+        walked = walker.step(self.state, motion, dt)
+        if walked is not None:
+            return walked
+        self.walker, self.floor_lost = None, True
+        return replace(self.state, velocity=np.zeros(3))
+
+    def walk(self, walker: Walker, speed: float) -> None:
+        """Goes on on foot.  speed: file units a second."""
+        self.walker, self.floor_lost, self._glide = walker, False, None
+        self.state = replace(self.state, speed=speed)
+
+    def fly(self, speed: float) -> None:
+        """Goes on flying at ``speed``, file units a second."""
+        self.walker = None
+        self.state = replace(self.state, speed=speed)
+
+    def _follow_glide(self, now: float) -> None:
+        """Moves the camera to where the flight under way has brought it by ``now``."""
+        assert self._glide is not None
+        since, glide = self._glide
+        self.state = replace(glide.at(now - since), speed=self.state.speed)
+        if now - since >= glide.seconds:
+            self._glide = None
+
+    def drag(self, state: FlyState) -> None:
+        """Puts the camera somewhere else as part of a movement: a drag or the wheel.  This ends a walk."""
+        self.state, self._dragged, self._moved = state, True, self._clock()
+        self._glide = self.walker = None
+
+    def glide_to(self, state: FlyState) -> None:
+        """Begins a short flight to ``state``; a key, a drag or another flight ends it where it is.  This ends a walk."""
+        self.state, self.walker = replace(self.state, velocity=np.zeros(3)), None
+        self._glide = self._clock(), Glide(self.state, state)
+
+    def stop_glide(self) -> None:
+        """Ends a short flight where it is."""
+        self._glide = None
+
+    @property
+    def gliding(self) -> bool:
+        """Whether a short flight is under way."""
+        return self._glide is not None
+
+    def look(self, dx: float, dy: float) -> None:
+        """The mouse moved by logical pixels while looking."""
+        self._look[0] += dx
+        self._look[1] += dy
+
+    def change_speed(self, notches: float) -> None:
+        """The wheel turned: faster or slower, within what the scene's size makes sensible."""
+        if self._seen is not None:
+            self.state = changed_speed(self.state, notches, self._seen.limits)
+
+    def speed_text(self, metres_per_unit: float | None) -> str:
+        """The flying speed in metres a second where the length of a unit is known, else in file units."""
+        unit = "m/s" if metres_per_unit else "units/s"
+        return f"{self.state.speed * (metres_per_unit or 1.0):.3g} {unit}"
+
+    def direction_to_middle(self, camera: Camera) -> np.ndarray:
+        """(2,) unit vector, right and down in the camera's picture, in which the middle of the scene lies."""
+        x, y, z = camera.view_rotation @ (self.middle - camera.position)
+        length = float(np.hypot(x, y))
+        return np.array([x, y]) / length if length > 1e-9 * abs(z) + 1e-300 else np.array([0.0, -1.0])
+
+    def go(self, state: FlyState) -> None:
+        """Puts the camera somewhere else at once, keeping the flying speed."""
+        self.state = view_along(state.position, state.forward, self.state.speed, self.state.upright)
+        self._glide = self.walker = None
+        self._moved = self._clock() - REST
+
+    def carry(self, state: FlyState) -> None:
+        """Puts the camera somewhere else as one step of a movement, so that it counts as moving."""
+        self.state, self._moved = state, self._clock()
+
+    def set_up(self, up: Sequence[float]) -> bool:
+        """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
+        if np.allclose(self.state.upright[:, 2], up):
+            return False
+        self.state = view_along(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
+        self._glide = self.walker = None
+        self._moved = self._clock() - REST
+        return True
+
+    def go_home(self) -> None:
+        """Back to where the visit began, at the speed and with the field of view it began with."""
+        self.field_of_view = FIELD_OF_VIEW
+        self.state = self.home
+        self.go(self.home)
+
+    def step_back(self, aspect: float) -> None:
+        """Looks the same way from where everything is in view.  aspect: width over height."""
+        if self._seen is not None:
+            upright = self.state.upright
+            seen, ahead = turned(self._seen, upright), upright.T @ self.state.forward
+            place = upright @ overview(seen, aspect, ahead, self.state.speed).position
+            self.go(view_along(place, self.state.forward, self.state.speed, upright))
+
+    def let_go(self) -> None:
+        """Forgets every key and button held."""
+        self.held.clear()
+        self.looking, self._glide, self.push = False, None, STILL
+
+
+def _place(state: FlyState) -> tuple:
+    return (*state.position.tolist(), state.yaw, state.pitch)

@@ -1,0 +1,226 @@
+"""The camera path of a film: its keyframes, edited on a timeline, previewed over the picture, kept in a file.
+
+The path is that of ``pointglass video``: a spline through position, direction and field of view at constant speed.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from ....common.errors import PointglassError
+from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_cameras
+from ....work.document import Keyframe, Viewpoint, replaced, unique_name, without
+from ...flight.navigation import view_along
+from ...kit.widgets import compact_button
+from ..editing import edit
+from ..tool import ToolContext
+from .timeline import Timeline
+
+if TYPE_CHECKING:
+    from ...kit.overlay import OverlayCanvas
+
+STEP = 3.0
+"""Seconds from one new keyframe to the next."""
+WRITTEN = {"Camera path": (".json",)}
+READ = {"Cameras": (".json", ".txt", ".bin", ".png")}
+"""Files of cameras that are written and read: kind -> endings."""
+_CURVE = 96
+"""Places of the path that are drawn over the picture."""
+
+
+def fly_to(context: ToolContext, view: Viewpoint) -> None:
+    """Puts the camera where a view was taken, with its field of view."""
+    camera, flight = view.camera(16, 9), context.session.flight
+    flight.field_of_view = view.vertical_fov
+    flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    context.renew_picture()
+
+
+class CameraPathEditor:
+    """at: seconds along the path, of the preview.  playing: whether the preview runs.
+    timeline: with the selected keyframe."""
+
+    def __init__(self) -> None:
+        self.timeline = Timeline()
+        self.at, self.playing = 0.0, False
+        self._clock = perf_counter
+        self._before = 0.0
+
+    def add_keyframe(self, context: ToolContext, view: Viewpoint | None = None) -> None:
+        """Appends the present view, or a bookmark, to the path."""
+        path = context.document.path
+        name = unique_name("Key", (key.view.name for key in path.keyframes))
+        view = Viewpoint.of(context.camera, name) if view is None else replace(view, name=name)
+        time = path.keyframes[-1].time + STEP if path.keyframes else 0.0
+        edit(context, f"Add keyframe {name}", path=replace(path, keyframes=(*path.keyframes, Keyframe(time, view))))
+
+    def set_length(self, context: ToolContext, seconds: float) -> None:
+        """Stretches the times of all keyframes so that the path takes so many seconds."""
+        path = context.document.path
+        factor = seconds / path_seconds(path)
+        keys = tuple(replace(key, time=key.time * factor) for key in path.keyframes)
+        edit(context, "Length of the camera path", "length", path=replace(path, keyframes=keys))
+
+    def change_lens(self, context: ToolContext, degrees: float) -> None:
+        """Gives the window, and the selected keyframe, another vertical field of view."""
+        context.session.flight.field_of_view = degrees
+        context.renew_picture()
+        path, number = context.document.path, self.timeline.selected
+        if number is not None and number < len(path.keyframes):
+            key = path.keyframes[number]
+            keys = replaced(path.keyframes, number, replace(key, view=replace(key.view, vertical_fov=degrees)))
+            edit(context, f"Field of view of {key.view.name}", ("lens", number), path=replace(path, keyframes=keys))
+
+    def select(self, context: ToolContext, number: int) -> None:
+        """Selects a keyframe and shows it."""
+        path = context.document.path
+        self.timeline.selected, self.playing = number, False
+        self.at = passing_seconds(path)[number]
+        fly_to(context, path.keyframes[number].view)
+
+    def shift(self, context: ToolContext, places: int) -> None:
+        """Moves the selected keyframe in the order of the path: the views change places, the times stay."""
+        path, number = context.document.path, self.timeline.selected
+        if number is None or not 0 <= number + places < len(path.keyframes):
+            return
+        views = [key.view for key in path.keyframes]
+        views.insert(number + places, views.pop(number))
+        keys = tuple(replace(key, view=view) for key, view in zip(path.keyframes, views, strict=True))
+        self.timeline.selected = number + places
+        edit(context, f"Reorder {views[number + places].name}", path=replace(path, keyframes=keys))
+
+    def replace_view(self, context: ToolContext) -> None:
+        """The selected keyframe becomes the present view."""
+        path, number = context.document.path, self.timeline.selected
+        if number is not None and number < len(path.keyframes):
+            key = path.keyframes[number]
+            keys = replaced(path.keyframes, number, replace(key, view=Viewpoint.of(context.camera, key.view.name)))
+            edit(context, f"Move {key.view.name}", path=replace(path, keyframes=keys))
+
+    def delete(self, context: ToolContext) -> None:
+        """Removes the selected keyframe."""
+        path, number = context.document.path, self.timeline.selected
+        if number is not None and number < len(path.keyframes):
+            self.timeline.selected = None
+            name = path.keyframes[number].view.name
+            edit(context, f"Delete {name}", path=replace(path, keyframes=without(path.keyframes, number)))
+
+    def read_path(self, context: ToolContext, file: Path) -> None:
+        """Replaces the keyframes by the cameras of ``file``."""
+        from ....work.cameras.camera_files import read_cameras
+
+        try:
+            cameras = read_cameras(file)
+        except PointglassError as error:
+            context.session.notices.say("The camera path cannot be read", str(error))
+            return
+        keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name)) for number, camera in enumerate(cameras))
+        edit(context, f"Read {file.name}", path=replace(context.document.path, keyframes=keys))
+
+    def write_path(self, context: ToolContext, size: tuple[int, int], file: Path) -> None:
+        """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
+
+        size: of its pictures, pixels."""
+        from ....work.cameras.camera_files import write_camera_path
+
+        path = context.document.path
+        keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
+        cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
+        try:
+            write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None)
+        except (PointglassError, OSError) as error:
+            context.session.notices.say("The camera path cannot be written", str(error))
+        else:
+            context.toast(f"Saved {file}")
+
+    def show_at(self, context: ToolContext, seconds: float) -> None:
+        """Puts the camera where the path is after so many seconds."""
+        path = context.document.path
+        cameras, length = preview_cameras(path), path_seconds(path)
+        self.at = min(max(seconds, 0.0), length)
+        camera = cameras[round(self.at / length * (len(cameras) - 1))] if length > 0 else cameras[0]
+        flight = context.session.flight
+        flight.field_of_view = camera.vertical_fov
+        flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+        context.renew_picture()
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        keys = context.document.path.keyframes
+        if self.playing and len(keys) > 1:
+            now = self._clock()
+            step, self._before = now - self._before, now
+            self.show_at(context, self.at + step)
+            if self.at >= path_seconds(context.document.path):
+                self.playing = False
+            return
+        self.playing = False
+        if len(keys) > 1:
+            curve = preview_cameras(context.document.path)
+            overlay.polyline([camera.position for camera in curve[:: max(1, len(curve) // _CURVE)]], "accent", 1.5)
+        for key in keys:
+            place = key.view.camera(16, 9).position
+            overlay.marker(place, "accent", 5.0, "square")
+            overlay.label(place, key.view.name)
+
+    def panel(self, ui: Any, context: ToolContext, size: tuple[int, int]) -> None:
+        """The rows of the panel.  size: of the pictures of a path that is saved, pixels."""
+        path = context.document.path
+        if ui.button("Add keyframe here"):
+            self.add_keyframe(context)
+        if path.keyframes:
+            self._timeline(ui, context)
+        if ui.button("Open path…"):
+            context.files.open("camera paths", "Open a camera path", READ, lambda files: self.read_path(context, files[0]))
+        ui.same_line()
+        ui.begin_disabled(not path.keyframes)
+        if ui.button("Save path…"):
+            context.files.save("camera paths", "Save the camera path", "camera_path.json", WRITTEN,
+                               lambda file: self.write_path(context, size, file))
+        ui.end_disabled()
+
+    def _timeline(self, ui: Any, context: ToolContext) -> None:
+        path = context.document.path
+        length = path_seconds(path)
+        clamp = ui.SliderFlags_.always_clamp
+        if length > 0 and ui.button("Pause" if self.playing else "Play"):
+            self.playing, self._before = not self.playing, self._clock()
+            if self.at >= length:
+                self.at = 0.0
+        event = self.timeline.draw(ui, context.theme, passing_seconds(path), min(self.at, length), length)
+        if event.selected is not None:
+            self.select(context, event.selected)
+        elif event.scrubbed is not None:
+            self.playing = False
+            self.show_at(context, event.scrubbed)
+        self._selected(ui, context)
+        if length <= 0:
+            return
+        ui.set_next_item_width(-1)
+        changed, seconds = ui.drag_float("##length", length, 0.1, 0.2, 3600.0, "length %.1f s", clamp)
+        if changed:
+            self.set_length(context, seconds)
+        changed, closed = ui.checkbox("back to the first keyframe", path.closed)
+        if changed:
+            edit(context, "Close the camera path", path=replace(path, closed=closed))
+
+    def _selected(self, ui: Any, context: ToolContext) -> None:
+        """What can be done with the selected keyframe."""
+        keys, number = context.document.path.keyframes, self.timeline.selected
+        if number is None or number >= len(keys):
+            self.timeline.selected = None
+            ui.text_wrapped("Click a keyframe of the strip to select it.")
+            return
+        ui.text_unformatted(f"{keys[number].view.name}, {keys[number].view.vertical_fov:.0f}°")
+        for label, explained, act in (
+            ("<", "earlier in the path", lambda: self.shift(context, -1)),
+            (">", "later in the path", lambda: self.shift(context, 1)),
+            ("update", "the keyframe becomes the present view", lambda: self.replace_view(context)),
+            ("x", "removes the keyframe (Delete)", lambda: self.delete(context)),
+        ):  # fmt: skip
+            if label != "<":
+                ui.same_line()
+            if compact_button(f"{label}##keyframe", context.theme):
+                act()
+            if ui.is_item_hovered():
+                ui.set_tooltip(explained)

@@ -1,0 +1,64 @@
+"""A film rendered beside the window: on a thread, with an OpenGL context and a renderer of its own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....commands.film.command import MP4, film
+from ....common.errors import InputError
+from ....picture.settings import Settings
+from ....work.document import Alterations
+from ....work.ghosts import prepared
+from ...kit.worker import Worker
+
+if TYPE_CHECKING:
+    from ....grid.scene import Scene
+    from ....picture.camera import Camera
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """All that a film is made of, taken when it is started: later changes in the window do not reach it."""
+
+    scene: "Scene | None"
+    cameras: "tuple[Camera, ...]"
+    fps: float
+    settings: Settings
+    out: Path
+    panorama: bool = False
+    supersample: int = 1
+    background: str = "black"
+    alterations: Alterations = field(default_factory=Alterations)
+
+    def render(self) -> str:
+        """Makes the film; a folder is continued where it holds frames of the same film.  Returns what was made, in words.
+
+        Raises PointglassError.
+        """
+        from ....render.device.context import create_context
+        from ....render.renderer import Renderer
+
+        if self.scene is None or not self.cameras:
+            raise InputError("a film needs a scan and a keyframe; add a keyframe first")
+        if self.settings.view == "neural":
+            from .....model.common.process.torch_process import prepare_inference
+
+            prepare_inference()
+        context = create_context()
+        try:
+            scene = prepared(self.scene, self.alterations.ghosts)
+            renderer = Renderer(context, scene)
+            try:
+                return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
+                            supersample=self.supersample, background=self.background, alterations=self.alterations,
+                            resume=self.out.suffix.lower() not in MP4)
+            finally:
+                renderer.release()
+        finally:
+            context.release()
+
+
+def film_worker(job: FilmJob, wake: Callable[[], None]) -> Worker:
+    """Starts a film; its progress counts frames, and cancelling leaves no half file."""
+    return Worker(job.render, "Rendering the film", wake)

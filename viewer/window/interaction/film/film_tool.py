@@ -1,0 +1,222 @@
+"""Film: bookmarks, keyframes of a camera path, its preview, and the video, which is rendered beside the window.
+
+The path is that of ``pointglass video``: a spline through the keyframes at constant speed.  A film has its own OpenGL context
+on a thread of its own, so that the window stays usable; it shows what the window shows: clips, hidden stations and look.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ....commands.film.command import MP4, PANORAMA_SIZE
+from ....common.errors import PointglassError
+from ....common.text import left_text
+from ....picture.settings import QUALITIES, VIEWS
+from ....work.cameras.keyframes import cameras_along, path_seconds
+from ....work.document import Viewpoint, replaced, unique_name, without
+from ...kit.widgets import compact_button, compact_width
+from ...kit.worker import Worker
+from ...panels.look_panel import missing_qualities
+from ...saving.saved_picture import LARGEST
+from ..editing import edit, end, ended
+from ..tool import KeyEvent, Tool, ToolContext
+from .camera_path_editor import CameraPathEditor, fly_to
+from .film_job import FilmJob, film_worker
+
+if TYPE_CHECKING:
+    from ...kit.overlay import OverlayCanvas
+
+SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
+PANORAMAS = ((2048, 1024), PANORAMA_SIZE, (8192, 4096))
+SMALLEST_SIDE, LARGEST_SIDE = 16, 8192
+"""Sides of a video's pictures that a person types in, pixels; even, as H.264 asks for."""
+SAMPLES = (1, 2, 3, 4)
+LENSES = (15.0, 120.0)
+"""Least and greatest vertical field of view that a person chooses, degrees."""
+SHOTS = tuple(range(1, LARGEST + 1))
+KINDS = {"MP4 video": MP4, "Folder of PNG pictures, one a frame": ("",)}
+RATES = (24.0, 25.0, 30.0, 60.0)
+
+
+class Film(Tool):
+    """Its panel has three parts: bookmarks, the path, the video."""
+
+    name, label, letter, key = "film", "Film", "V", "K"
+    help = "bookmarks, camera path with preview, video and panorama"
+
+    def __init__(self) -> None:
+        self.path = CameraPathEditor()
+        self.out: Path | None = None  # of the film that is rendered, or was rendered last
+        self.size, self.view, self.quality, self.supersample = SIZES[1], "neural", "", 1
+        self.panorama, self.panorama_size = False, PANORAMA_SIZE
+        self.worker: Worker | None = None
+
+    # -- bookmarks ---------------------------------------------------------------------------------------------------
+
+    def add_bookmark(self, context: ToolContext) -> None:
+        """Keeps the present view under a new name."""
+        found = context.document.viewpoints
+        name = unique_name("View", (view.name for view in found))
+        edit(context, f"Add bookmark {name}", viewpoints=(*found, Viewpoint.of(context.camera, name)))
+
+    def left(self, context: ToolContext) -> None:
+        self.path.playing = False
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind != "press" or event.key not in ("DELETE", "BACKSPACE") or self.path.timeline.selected is None:
+            return False
+        self.path.delete(context)
+        return True
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        self.path.draw(overlay, context)
+
+    # -- the video ---------------------------------------------------------------------------------------------------
+
+    def job(self, context: ToolContext, out: Path) -> FilmJob:
+        """The film that the panel describes, saved as ``out``.  Raises InputError where the path has no keyframe."""
+        path = context.document.path
+        size = self.panorama_size if self.panorama else self.size
+        count = max(1, round(path_seconds(path) * path.fps))
+        shown = context.session.view_settings.shown_settings
+        settings = replace(shown, view=self.view, quality=self.quality or shown.quality)
+        return FilmJob(
+            context.session.scene, tuple(cameras_along(path.keyframes, count, size, closed=path.closed)), path.fps,
+            settings, out, panorama=self.panorama, supersample=self.supersample,
+            background=context.session.view_settings.background, alterations=context.document.alterations,
+        )  # fmt: skip
+
+    def ask(self, context: ToolContext) -> None:
+        """Asks where the video is saved, and begins it."""
+        name = context.session.visit.title.split(".")[0] or "film"
+        context.files.save("films", "Save the film", f"{name}.mp4", KINDS, lambda out: self.start(context, out))
+
+    def start(self, context: ToolContext, out: Path) -> None:
+        """Renders the video beside the window."""
+        self.out = out
+        try:
+            self.worker = film_worker(self.job(context, out), context.session.loads.wake)
+        except PointglassError as error:
+            context.session.notices.say("This film cannot be made", str(error))
+
+    def follow(self, context: ToolContext) -> None:
+        done = ended(self.worker, context, "The film was not made")
+        if done is None:
+            return
+        self.worker = None
+        if done.cancelled:
+            whole = self.out is None or self.out.suffix.lower() in MP4
+            kept = "" if whole else "; the frames made so far stay, and are kept the next time"
+            context.toast(f"Film cancelled{kept}")
+        elif done.error is None:
+            context.toast(str(done.result))
+
+    @property
+    def unfinished(self) -> str:
+        return "A film is being rendered." if self.worker is not None else ""
+
+    def close(self) -> None:
+        end(self.worker)
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        if context.scene is None:
+            return
+        work = context.session.work
+        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
+        if ui.button("Folder of pictures…"):
+            context.saves.choose_folder()
+        if ui.is_item_hovered():
+            ui.set_tooltip(f"F12 and F9 save under new names in {context.saves.folder}")
+        ui.set_next_item_width(-1)
+        lens = context.session.flight.field_of_view
+        changed, degrees = ui.slider_float("##lens", lens, *LENSES, "field of view %.0f°", ui.SliderFlags_.always_clamp)
+        if changed and LENSES[0] <= degrees <= LENSES[1]:
+            self.path.change_lens(context, float(degrees))
+        self._bookmarks(ui, context)
+        ui.separator()
+        self.path.panel(ui, context, self.size)
+        ui.separator()
+        self._video(ui, context)
+
+    def _bookmarks(self, ui: Any, context: ToolContext) -> None:
+        if ui.button("Add bookmark"):
+            self.add_bookmark(context)
+        found = context.document.viewpoints
+        for number, view in enumerate(found):
+            ui.push_id(number)
+            ui.set_next_item_width(-compact_width(("go", "key", "x"), context.theme))
+            changed, name = ui.input_text("##name", view.name)
+            if changed:
+                renamed = replaced(found, number, replace(view, name=name))
+                edit(context, "Rename bookmark", ("bookmark", number), viewpoints=renamed)
+            ui.same_line()
+            if compact_button("go", context.theme):
+                fly_to(context, view)
+            ui.same_line()
+            if compact_button("key", context.theme):
+                self.path.add_keyframe(context, view)
+            if ui.is_item_hovered():
+                ui.set_tooltip("append this view to the camera path")
+            ui.same_line()
+            gone = compact_button("x", context.theme)
+            ui.pop_id()
+            if gone:
+                edit(context, f"Delete bookmark {view.name}", viewpoints=without(found, number))
+                return
+
+    def _video(self, ui: Any, context: ToolContext) -> None:
+        if self.worker is not None:
+            share = self.worker.fraction
+            ui.text_unformatted(f"Rendering {self.worker.done:,} of {self.worker.total:,} frames" if share else "Preparing…")
+            if (seconds := self.worker.seconds_left) is not None:
+                ui.text_unformatted(f"{left_text(seconds)} left")
+            ui.progress_bar(share or 0.0)
+            if ui.button("Cancel"):
+                self.worker.cancel()
+            return
+        path = context.document.path
+        rates = [f"{rate:g} frames a second" for rate in RATES]
+        self.panorama = ui.checkbox("360-degree panorama", self.panorama)[1]
+        if self.panorama:
+            names = [f"{w} x {h}" for w, h in PANORAMAS]
+            self.panorama_size = _chosen(ui, "##panorama size", names, PANORAMAS, self.panorama_size)
+            if ui.button("Save a still from here"):
+                context.saves.panorama(self.panorama_size)
+        else:
+            self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in SIZES], SIZES, self.size)
+            ui.set_next_item_width(-1)
+            changed, sides = ui.input_int2("##sides", list(self.size))
+            if changed:
+                width, height = (min(max(side, SMALLEST_SIDE), LARGEST_SIDE) // 2 * 2 for side in sides)
+                self.size = width, height
+            if ui.is_item_hovered():
+                ui.set_tooltip("any other size: width and height, pixels")
+        rate = _chosen(ui, "##fps", rates, RATES, path.fps)
+        if rate != path.fps:
+            edit(context, "Frames a second", path=replace(path, fps=rate))
+        self.view = _chosen(ui, "##view", list(VIEWS), tuple(VIEWS), self.view)
+        if self.view == "neural":
+            shown = context.session.view_settings.shown_settings
+            there = [name for name in QUALITIES if name not in missing_qualities(shown)]
+            self.quality = _chosen(ui, "##quality", [f"quality {name}" for name in there], there, self.quality or shown.quality)
+        samples = ["no supersampling", *(f"{n} x {n} samples a pixel" for n in SAMPLES[1:])]
+        self.supersample = _chosen(ui, "##supersample", samples, SAMPLES, self.supersample)
+        ui.begin_disabled(not path.keyframes)
+        if ui.button("Render video…"):
+            self.ask(context)
+        if ui.is_item_hovered():
+            ui.set_tooltip("as one MP4, or as a folder with one PNG a frame, which can be continued")
+        ui.end_disabled()
+
+
+def _chosen(ui: Any, label: str, names: Sequence[str], values: Sequence[Any], value: Any) -> Any:
+    """A list of choices; returns the one that is chosen now."""
+    current = names[values.index(value)] if value in values else str(value)
+    ui.set_next_item_width(-1)
+    if ui.begin_combo(label, current):
+        for name, other in zip(names, values, strict=True):
+            if ui.selectable(name, other == value)[0]:
+                value = other
+        ui.end_combo()
+    return value

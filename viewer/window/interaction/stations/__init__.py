@@ -1,0 +1,1 @@
+"""The Stations tool: markers, photographs, passers-by."""

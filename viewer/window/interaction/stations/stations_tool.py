@@ -1,0 +1,247 @@
+"""Stations: markers where the scanner stood, a click to stand there, and the photographs that an E57 holds, in place.
+
+A photograph is laid over the view from its own place: blended, or split against it, with the PSNR between the two.  Walking
+away fades it out into the view.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
+from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
+from ....work.places.pick import station_name
+from ...flight.navigation import view_along
+from ...kit.theme import fitted
+from ...kit.worker import Worker
+from ...viewport.photo_layer import ShownPhoto
+from ..editing import edit, metres_per_unit
+from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
+from .ghosts_panel import GhostsPanel
+from .picture_viewer import PictureViewer
+
+if TYPE_CHECKING:
+    from ....grid.scene import Scene
+    from ...kit.overlay import OverlayCanvas
+
+GRIP = 16.0
+"""Logical pixels around a marker that a click takes."""
+
+
+MOST_PARTS = 255
+"""Files and stations that a packed point can number."""
+
+
+def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
+    """(number, name, position, inferred) of each station whose place is known."""
+    scans = scene.meta.get("scans") or []
+    return [(number, station_name(scene, number), place, bool(scans[number].get("inferred")) if number < len(scans) else False)
+            for number, place in enumerate(scene.scan_places) if np.isfinite(place).all()]
+
+
+def parts_of(scene: "Scene") -> list[tuple[int, str]]:
+    """(number, name) of the files and stations that can be hidden: all, where there are two or more or a position is known.
+
+    Ghosts have a list of their own.
+    """
+    ghosts = scene.marked.station if scene.marked is not None else -1
+    count = min(len(scene.meta.get("scans") or []), MOST_PARTS)
+    parts = [(number, station_name(scene, number)) for number in range(count) if number != ghosts]
+    return parts if len(parts) > 1 or places_of(scene) else []
+
+
+class Stations(Tool):
+    """Its panel lists files, stations and photographs."""
+
+    name, label, letter, key = "stations", "Stations", "P", "P"
+    help = "scanner positions: click one to stand there; photographs in place"
+    takes_clicks = True
+
+    def __init__(self) -> None:
+        self._of: tuple[tuple[Path, ...], bool] | None = None  # the files whose photographs are read; whether as a preview
+        self._read: Worker | None = None
+        self.ghosts = GhostsPanel()
+        self.photos: list[StationPhoto] = []
+        self.warnings: list[str] = []
+        self.pictures: list[StoredPicture] = []  # all of the scan, also those without a pose
+        self.viewer = PictureViewer()
+
+    def selected(self, context: ToolContext) -> None:
+        self._follow(context)
+
+    def left(self, context: ToolContext) -> None:
+        context.session.work.photo = None
+        self.viewer.close_picture()
+
+    def follow(self, context: ToolContext) -> None:
+        self.ghosts.follow(context)
+        self.viewer.follow()
+
+    def close(self) -> None:
+        self.ghosts.close()
+        self.viewer.close()
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind != "press" or event.key != "ESCAPE" or self.viewer.stored is None:
+            return False
+        self.viewer.close_picture()
+        return True
+
+    def _follow(self, context: ToolContext) -> None:
+        """Reads the photographs of the scan shown, once, on a thread of its own."""
+        visit = context.session.visit
+        if self._of != (visit.paths, visit.preview):
+            self._of, self.photos, self.warnings, self._read = (visit.paths, visit.preview), [], [], None
+            self.pictures, context.session.work.photo = [], None
+            self.viewer.close_picture()
+            files = [Path(path) for path in context.session.visit.paths if Path(path).suffix.lower() == ".e57"]
+            if files and not context.session.visit.preview:
+                self._read = Worker(lambda: [(stored_pictures(file), *read_station_photos(file)) for file in files],
+                                    "Reading photographs", context.session.loads.wake)
+        if self._read is not None and self._read.finished:
+            done, self._read = self._read, None
+            if done.error is not None:
+                self.warnings = [done.error]
+            for pictures, photos, warnings in done.result or []:
+                self.pictures += pictures
+                self.photos += photos
+                self.warnings += warnings
+
+    def stand_at(self, context: ToolContext, place: np.ndarray, direction: np.ndarray | None = None) -> None:
+        """Puts the camera there, looking as before or along ``direction``."""
+        flight = context.session.flight
+        ahead = flight.state.forward if direction is None else direction
+        flight.go(view_along(place, ahead, flight.state.speed))
+        context.renew_picture()
+
+    def show(self, context: ToolContext, photo: StationPhoto) -> None:
+        """Stands where a photograph was taken, looking at its middle, with the photograph over the view."""
+        context.session.work.photo = ShownPhoto(photo)
+        self.stand_at(context, photo.position, photo.forward)
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        if event.kind != "release" or event.button != "left" or event.clicks != 1 or context.scene is None:
+            return False
+        found = places_of(context.scene)
+        if not found:
+            return False
+        pixels, _ = context.camera.project([place for _, _, place, _ in found])
+        with np.errstate(invalid="ignore"):
+            away = np.nan_to_num(np.linalg.norm(pixels - event.position, axis=1), nan=np.inf)
+        nearest = int(away.argmin())
+        if away[nearest] <= context.pixels(GRIP):
+            self.stand_at(context, found[nearest][2])
+            context.toast(f"Standing at {found[nearest][1]}")
+        return False
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        self._follow(context)
+        if context.scene is None:
+            return
+        at_eye = 1e-3 * np.ptp(context.scene.bounds, axis=0).max()  # a marker there would hide the picture
+        found = [(place, f"{name} (inferred)" if inferred else name, inferred)
+                 for _, name, place, inferred in places_of(context.scene)
+                 if np.linalg.norm(place - context.camera.position) >= at_eye]
+        for place, _, inferred in found:
+            overlay.marker(place, "accent", 8.0, "ring" if inferred else "diamond")
+        if found:
+            overlay.labels([place for place, _, _ in found], [text for _, text, _ in found])
+        shown = context.session.work.photo
+        if shown is not None and shown.psnr is not None:
+            left, top, width, height = overlay.area
+            if shown.split:
+                middle, bottom = left + shown.split_at * width, top + height - overlay.look.px(12)
+                overlay.divider(middle)
+                overlay.text((middle - overlay.look.px(10), bottom), "photograph", align=(1.0, 1.0))
+                view = f"{context.session.screen.drawn[-1]} view"
+                overlay.text((middle + overlay.look.px(10), bottom), view, align=(0.0, 1.0))
+            text = f"photograph against the view: {shown.psnr:.1f} dB PSNR"
+            overlay.text((left + width / 2, top + overlay.look.px(64)), text, align=(0.5, 0.0))
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        self._follow(context)
+        if context.scene is None:
+            return
+        known = {number: (place, inferred) for number, _, place, inferred in places_of(context.scene)}
+        if not known:
+            ui.text_wrapped("The scanner positions are unknown: neither the file nor the order of its points tells.")
+        for number, name in parts_of(context.scene):
+            ui.push_id(number)
+            hidden = context.document.hidden_stations
+            changed, on = ui.checkbox("##visible", number not in hidden)
+            if ui.is_item_hovered():
+                ui.set_tooltip("show these points")
+            if changed:
+                kept = tuple(other for other in hidden if other != number)
+                edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
+            ui.same_line()
+            room = ui.get_content_region_avail().x
+            place, inferred = known.get(number, (None, False))
+            if place is None:
+                ui.text_unformatted(fitted(name, room))
+            elif ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
+                self.stand_at(context, place)
+            if ui.is_item_hovered():
+                ui.set_tooltip(f"{name}: position "
+                               + ("unknown" if place is None else "inferred from the order of the points" if inferred
+                                  else "as the file says"))
+            ui.pop_id()
+        self._photographs(ui, context)
+        ui.separator()
+        self.ghosts.draw(ui, context)
+
+    def _photographs(self, ui: Any, context: ToolContext) -> None:
+        ui.separator()
+        if self._read is not None:
+            ui.text_wrapped("Reading photographs…")
+        elif not self.photos and not self.pictures:
+            ui.text_wrapped("This scan holds no photographs." if not self.warnings else self.warnings[0])
+        shown = context.session.work.photo
+        if self.photos:
+            ui.text_unformatted("Photographs in place")
+        for number, photo in enumerate(self.photos):
+            ui.push_id(1000 + number)
+            if ui.selectable(f"{photo.name} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
+                self.viewer.close_picture()
+                self.show(context, photo)
+            ui.pop_id()
+        self._pictures(ui, context)
+        if shown is None:
+            return
+        ui.set_next_item_width(-1)
+        clamp = ui.SliderFlags_.always_clamp
+        _, percent = ui.slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%", clamp)
+        shown.blend = percent / 100.0
+        _, shown.split = ui.checkbox("split against the view", shown.split)
+        if shown.split:
+            ui.set_next_item_width(-1)
+            _, percent = ui.slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%", clamp)
+            shown.split_at = percent / 100.0
+        if shown.psnr is not None:
+            ui.text_wrapped(f"PSNR {shown.psnr:.1f} dB between photograph and view")
+        else:
+            away = float(np.linalg.norm(context.camera.position - shown.photo.position))
+            unit = "m" if metres_per_unit(context) else "units"
+            ui.text_wrapped(f"{away:.1f} {unit} from its place: the photograph has faded out")
+        if ui.button("Back to its place"):
+            self.stand_at(context, shown.photo.position, shown.photo.forward)
+        if ui.button("Hide photograph"):
+            context.session.work.photo = None
+
+    def _pictures(self, ui: Any, context: ToolContext) -> None:
+        """The photographs by themselves: a click shows one over the view."""
+        if self.pictures:
+            ui.text_unformatted("Photographs by themselves")
+        for number, picture in enumerate(self.pictures):
+            ui.push_id(5000 + number)
+            if ui.selectable(fitted(picture.text, ui.get_content_region_avail().x), self.viewer.stored is picture)[0]:
+                if self.viewer.stored is picture:
+                    self.viewer.close_picture()
+                else:
+                    self.viewer.open(context, picture)
+            if ui.is_item_hovered():
+                where = "" if picture.placed else "; the file does not say where it was taken"
+                ui.set_tooltip(f"{picture.name}: look at it{where}")
+            ui.pop_id()
+        self.viewer.draw(ui, context)

@@ -1,0 +1,1 @@
+"""What the parts of the window are drawn with: theme, widgets, overlays, textures, workers.  Knows no scan."""

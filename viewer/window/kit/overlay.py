@@ -1,0 +1,190 @@
+"""Drawing over the picture: lines, polygons, markers and labels given as world points.
+
+An :class:`OverlayCanvas` projects with ``Camera.project`` and draws with imgui's draw list, clipped to the picture.  World
+points are (N, 3), file coordinates.  Sizes and widths are logical pixels; ``at`` and offsets are pixels of the interface.
+Parts of a line behind the camera are cut off.  Colours are keys of theme.OVERLAY_COLOURS
+("accent", "text", "warn", ...), so that a tool need not import imgui.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from . import theme
+from .theme import Theme, packed
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+
+_NEAR = 1e-6  # of the farthest depth of a line: where it is cut off in front of the camera
+Shape = Literal["dot", "ring", "cross", "square", "diamond"]
+
+
+class OverlayCanvas:
+    """camera: of the picture.  area: the picture's left, top, width, height in pixels of the interface.
+
+    draw_list: imgui's; its clip rectangle is set to ``area`` until :meth:`end`.
+    """
+
+    def __init__(self, draw_list: Any, camera: "Camera", look: Theme, area: tuple[float, float, float, float]):
+        self.draw_list, self.camera, self.look, self.area = draw_list, camera, look, area
+        left, top, width, height = area
+        self._scale = np.array([width / camera.width, height / camera.height])
+        self._origin = np.array([left, top])
+        draw_list.push_clip_rect(ImVec2(left, top), ImVec2(left + width, top + height), True)
+
+    def end(self) -> None:
+        """Restores the draw list."""
+        self.draw_list.pop_clip_rect()
+
+    def place(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """Interface pixels (N, 2) of world points, NaN behind the camera, and whether each is in the picture (N,) bool."""
+        pixels, depth = self.camera.project(points)
+        with np.errstate(invalid="ignore"):
+            inside = (depth > 0) & (pixels >= 0).all(axis=1)
+            inside &= (pixels <= (self.camera.width, self.camera.height)).all(axis=1)
+        return self._origin + pixels * self._scale, inside
+
+    def line(self, start, end, colour: str = "accent", width: float = 2.0, *, halo: bool = True) -> None:
+        """A straight line between two world points.  halo: a dark edge, so that it is seen on any picture."""
+        self.polyline(np.array([start, end]), colour, width, halo=halo)
+
+    def polyline(self, points, colour: str = "accent", width: float = 2.0, *, closed: bool = False,
+                 halo: bool = True) -> None:
+        """Straight lines from each world point to the next; closed: and from the last to the first."""
+        points = np.asarray(points, np.float64).reshape(-1, 3)
+        ends = np.roll(points, -1, axis=0) if closed else points[1:]
+        for strength, shade in (((width + 2.5, "shade"), (width, colour)) if halo else ((width, colour),)):
+            for a, b in zip(points, ends):
+                self._segment(a, b, shade, strength)
+
+    def _segment(self, a: np.ndarray, b: np.ndarray, colour: str, width: float) -> None:
+        depths = self.camera.project([a, b])[1]
+        near = _NEAR * max(float(np.abs(depths).max()), 1e-300)
+        if (depths < near).all():
+            return
+        if (depths < near).any():
+            share = (near - depths[0]) / (depths[1] - depths[0])
+            cut = a + share * (b - a)
+            a, b = (cut, b) if depths[0] < near else (a, cut)
+        (start, end), _ = self.place([a, b])
+        clipped = _clip(start, end, self.area, 4 * self.look.px(width))
+        if clipped is not None:
+            (x0, y0), (x1, y1) = clipped
+            self.draw_list.add_line(ImVec2(x0, y0), ImVec2(x1, y1), _shade(colour), self.look.px(width))
+
+    def polygon(self, points, colour: str = "accent", alpha: float = 0.25) -> None:
+        """A filled convex polygon of world points; not drawn where a corner is behind the camera."""
+        places, _ = self.place(points)
+        if len(places) >= 3 and np.isfinite(places).all():
+            self.draw_list.add_convex_poly_filled([ImVec2(*map(float, place)) for place in places], _shade(colour, alpha))
+
+    def marker(self, point, colour: str = "accent", size: float = 5.0, shape: Shape = "dot") -> None:
+        """A mark at a world point.  size: half its width."""
+        places, inside = self.place([point])
+        if inside[0]:
+            self.mark(tuple(places[0]), colour, size, shape)
+
+    def mark(self, at: tuple[float, float], colour: str = "accent", size: float = 5.0, shape: Shape = "dot") -> None:
+        """A mark at a position of the interface."""
+        x, y, r, draw = float(at[0]), float(at[1]), self.look.px(size), self.draw_list
+        edge, line = _shade("shade"), max(self.look.px(2.0), 1.0)
+        if shape in ("dot", "ring"):
+            if shape == "dot":
+                draw.add_circle_filled(ImVec2(x, y), r + 0.75 * line, edge, 24)
+                draw.add_circle_filled(ImVec2(x, y), r, _shade(colour), 24)
+            else:
+                draw.add_circle(ImVec2(x, y), r, edge, 24, 2.2 * line)
+                draw.add_circle(ImVec2(x, y), r, _shade(colour), 24, line)
+            return
+        corners = {
+            "square": [(-1, -1), (1, -1), (1, 1), (-1, 1)], "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)],
+        }.get(shape)  # fmt: skip
+        for shade, width in ((edge, 2.2 * line), (_shade(colour), line)):
+            if corners is None:
+                draw.add_line(ImVec2(x - r, y), ImVec2(x + r, y), shade, width)
+                draw.add_line(ImVec2(x, y - r), ImVec2(x, y + r), shade, width)
+            else:
+                for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1]):
+                    draw.add_line(ImVec2(x + r * ax, y + r * ay), ImVec2(x + r * bx, y + r * by), shade, width)
+
+    def crosshair(self, position: tuple[float, float], colour: str = "text") -> None:
+        """A crosshair with an open middle at a position in pixels of the picture."""
+        x, y = (self._origin + np.array(position) * self._scale).tolist()
+        inner, outer, px = self.look.px(4.0), self.look.px(11.0), self.look.px
+        for shade, width in (("shade", px(3.0)), (colour, px(1.2))):
+            for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                start, end = ImVec2(x + dx * inner, y + dy * inner), ImVec2(x + dx * outer, y + dy * outer)
+                self.draw_list.add_line(start, end, _shade(shade), width)
+
+    def label(self, point, text: str, colour: str = "text", offset: tuple[float, float] = (10.0, -10.0)) -> None:
+        """Text on a dark plate beside a world point.  offset: logical pixels from the point to the plate's nearest corner."""
+        places, inside = self.place([point])
+        if inside[0]:
+            shift = np.array([self.look.px(offset[0]), self.look.px(offset[1])])
+            align = (0.0 if offset[0] >= 0 else 1.0, 0.0 if offset[1] >= 0 else 1.0)
+            self.text(tuple(places[0] + shift), text, colour, align=align)
+
+    def labels(self, points, texts: "Sequence[str]", colour: str = "text") -> None:
+        """Labels of world points, none over another: each in the first free corner of its point, the nearest points first; a
+        label without a free corner is left out."""
+        places, inside = self.place(points)
+        depths = self.camera.project(points)[1]
+        taken: list[tuple[float, float, float, float]] = []
+        for number in np.argsort(depths):
+            if not inside[number]:
+                continue
+            text = texts[int(number)]
+            for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
+                at = places[number] + self.look.px(10.0) * np.array([across, down])
+                align = (0.0 if across > 0 else 1.0, 0.0 if down > 0 else 1.0)
+                x, y, width, height = plate = self._plate(tuple(at), text, align)
+                if all(x + width <= a or a + w <= x or y + height <= b or b + h <= y for a, b, w, h in taken):
+                    taken.append(plate)
+                    self.text(tuple(at), text, colour, align=align)
+                    break
+
+    def divider(self, x: float) -> None:
+        """A vertical line across the picture at a position of the interface."""
+        _, top, _, height = self.area
+        for shade, width in (("shade", 3.0), ("text", 1.0)):
+            self.draw_list.add_line(ImVec2(x, top), ImVec2(x, top + height), _shade(shade), self.look.px(width))
+
+    def _plate(self, at: tuple[float, float], text: str, align: tuple[float, float]) -> tuple[float, float, float, float]:
+        """Left, top, width and height of the plate of a text, kept inside the picture."""
+        size, px = imgui.calc_text_size(text), self.look.px
+        width, height = size.x + 2 * px(7), size.y + 2 * px(3)
+        left, top, across, down = self.area
+        x = float(np.clip(at[0] - align[0] * width, left + px(4), max(left + across - width - px(4), left + px(4))))
+        y = float(np.clip(at[1] - align[1] * height, top + px(4), max(top + down - height - px(4), top + px(4))))
+        return x, y, width, height
+
+    def text(self, at: tuple[float, float], text: str, colour: str = "text", *,
+             align: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies
+        at ``at``; (0, 0) its top left corner, (1, 1) its bottom right one."""
+        px = self.look.px
+        x, y, width, height = self._plate(at, text, align)
+        self.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(4))
+        self.draw_list.add_text(ImVec2(x + px(7), y + px(3)), _shade(colour), text)
+
+
+def _shade(colour: str, alpha: float | None = None) -> int:
+    return packed(theme.OVERLAY_COLOURS[colour], alpha)
+
+
+def _clip(start: np.ndarray, end: np.ndarray, area: tuple[float, float, float, float], margin: float):
+    """The part of a segment within ``area`` and a margin (Liang-Barsky), or None: imgui has no use for coordinates of 1e9."""
+    low = np.array(area[:2]) - margin
+    high = low + np.array(area[2:]) + 2 * margin
+    first, last, along = 0.0, 1.0, end - start
+    for axis in (0, 1):
+        if along[axis] == 0.0:
+            if not low[axis] <= start[axis] <= high[axis]:
+                return None
+            continue
+        a, b = sorted(((low[axis] - start[axis]) / along[axis], (high[axis] - start[axis]) / along[axis]))
+        first, last = max(first, a), min(last, b)
+    return None if first > last else ((start + first * along).tolist(), (start + last * along).tolist())

@@ -1,0 +1,201 @@
+"""Rows and buttons that the panels are made of.  Each is drawn in the imgui window that is open."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from ...picture.settings import CHOICES, Settings
+from . import theme
+from .layout import Rect
+from .theme import Theme, packed, text_in
+
+DOCKED = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+)
+"""Flags of a window that has its place."""
+FLOATING = DOCKED | imgui.WindowFlags_.always_auto_resize
+PASSIVE = FLOATING | imgui.WindowFlags_.no_inputs
+MARGIN = 14.0
+CLAMP = imgui.SliderFlags_.always_clamp
+_LABEL = 104.0
+
+
+def begin_docked(name: str, rect: Rect, look: Theme, *, padding: tuple[float, float] = (14, 12), scroll: bool = True) -> None:
+    """Begins a window that fills ``rect``; ``imgui.end`` ends it."""
+    imgui.set_next_window_pos(ImVec2(rect.left, rect.top))
+    imgui.set_next_window_size(ImVec2(rect.width, rect.height))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(look.px(padding[0]), look.px(padding[1])))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    imgui.set_next_window_bg_alpha(1.0)
+    flags = DOCKED & ~imgui.WindowFlags_.no_scrollbar if scroll else DOCKED
+    imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
+    imgui.pop_style_var(3)
+
+
+def to_the_right(text: str, look: Theme) -> None:
+    """Places a small button of ``text`` on the line of the last item, ending where the content ends (left of a scroll bar)."""
+    width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
+    imgui.same_line(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x - width)
+
+
+def heading(text: str, look: Theme) -> None:
+    """The title of a section."""
+    if imgui.get_cursor_pos_y() > look.px(40):
+        imgui.dummy(ImVec2(0, look.px(3)))
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+
+
+COMPACT = 6.0
+"""Design units between the text of a compact button and its sides."""
+
+
+def compact_button(label: str, look: Theme) -> bool:
+    """A button as high as a field and hardly wider than its text, for several in a row.  Returns whether it was pressed."""
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(look.px(COMPACT), imgui.get_style().frame_padding.y))
+    pressed = imgui.button(label)
+    imgui.pop_style_var()
+    return pressed
+
+
+def compact_width(labels: Iterable[str], look: Theme) -> float:
+    """Pixels that compact buttons take beside an item, with the gap before each."""
+    gap = imgui.get_style().item_spacing.x
+    return sum(imgui.calc_text_size(label).x + 2 * look.px(COMPACT) + gap for label in labels)
+
+
+def small(text: str, look: Theme, colour=theme.DIM) -> None:
+    """Wrapped small text."""
+    imgui.push_font(look.regular, theme.SMALL)
+    imgui.push_text_wrap_pos(0.0)
+    text_in(colour, text)
+    imgui.pop_text_wrap_pos()
+    imgui.pop_font()
+
+
+def hint(text: str, look: Theme) -> None:
+    """A tooltip of the item before, also where that is disabled; beside the item, so that it does not cover what follows."""
+    flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
+    if not text or not imgui.is_item_hovered(flags):
+        return
+    width, low, size = look.px(280), imgui.get_window_pos(), imgui.get_io().display_size
+    right = low.x + imgui.get_window_width()
+    place = ImVec2(low.x - look.px(8), imgui.get_item_rect_min().y)
+    if low.x > width + look.px(40):
+        imgui.set_next_window_pos(place, 0, ImVec2(1.0, 0.0))
+    elif size.x - right > width + look.px(40):
+        imgui.set_next_window_pos(ImVec2(right + look.px(8), place.y))
+    imgui.begin_tooltip()
+    imgui.push_text_wrap_pos(width)
+    imgui.text_unformatted(text)
+    imgui.pop_text_wrap_pos()
+    imgui.end_tooltip()
+
+
+def label(text: str, explained: str, look: Theme) -> None:
+    """The name at the left of a row, with a tooltip; the next widget takes the rest of the row."""
+    imgui.align_text_to_frame_padding()
+    text_in(theme.DIM, text)
+    hint(explained, look)
+    imgui.same_line(look.px(_LABEL))
+    imgui.set_next_item_width(-1)
+
+
+def button(text: str, look: Theme, *, width: float = 0.0, primary: bool = False, disabled: str = "",
+           explained: str = "") -> bool:
+    """A button.  disabled: the reason, "" where it can be pressed.  explained: its tooltip."""
+    if primary:
+        for slot, colour in ((imgui.Col_.button, theme.ACCENT), (imgui.Col_.button_hovered, theme.TEXT),
+                             (imgui.Col_.button_active, theme.DIM), (imgui.Col_.text, theme.ACCENT_TEXT)):  # fmt: skip
+            imgui.push_style_color(slot, colour)
+    imgui.begin_disabled(bool(disabled))
+    pressed = imgui.button(text, ImVec2(width, 0))
+    imgui.end_disabled()
+    if primary:
+        imgui.pop_style_color(4)
+    hint(disabled or explained, look)
+    return pressed
+
+
+def link(text: str) -> bool:
+    """A button that looks like coloured text."""
+    for slot in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active):
+        imgui.push_style_color(slot, (0, 0, 0, 0))
+    imgui.push_style_color(imgui.Col_.text, theme.ACCENT)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, 0))
+    imgui.push_style_var(imgui.StyleVar_.frame_border_size, 0.0)
+    pressed = imgui.button(text)
+    if imgui.is_item_hovered():
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        imgui.get_window_draw_list().add_line(ImVec2(low.x, high.y), ImVec2(high.x, high.y), packed(theme.ACCENT))
+    imgui.pop_style_var(2)
+    imgui.pop_style_color(4)
+    return pressed
+
+
+def slider(name: str, value: float, least: float, most: float, form: str) -> float:
+    """A logarithmic slider.  Returns the value chosen; typed text that is not a number within the limits is ignored."""
+    changed, chosen = imgui.slider_float(name, value, least, most, form, imgui.SliderFlags_.logarithmic | CLAMP)
+    return chosen if changed and least <= chosen <= most else value
+
+
+def combo(name: str, value: str, table: dict[str, str], look: Theme, *, disabled: dict[str, str] | None = None,
+          names: dict[str, str] | None = None) -> str:
+    """A list of choices.  table: key -> tooltip.  disabled: key -> reason.  names: key -> what is shown, the key by default."""
+    reasons, shown = disabled or {}, names or {}
+    if imgui.begin_combo(name, shown.get(value, value)):
+        for option, explained in table.items():
+            reason = reasons.get(option, "")
+            flags = imgui.SelectableFlags_.disabled if reason else 0
+            if imgui.selectable(shown.get(option, option), option == value, flags)[0]:
+                value = option
+            hint(reason or explained, look)
+        imgui.end_combo()
+    return value
+
+
+def setting(settings: Settings, name: str, text: str, look: Theme, *, disabled: dict[str, str] | None = None) -> Settings:
+    """A row that chooses one entry of a table of viewer.picture.settings.CHOICES."""
+    table, value = CHOICES[name], getattr(settings, name)
+    label(text, table[value], look)
+    chosen = combo(f"##{name}", value, table, look, disabled=disabled)
+    return settings if chosen == value else replace(settings, **{name: chosen})
+
+
+def rail_button(letter: str, explained: str, look: Theme, *, lit: bool = False) -> bool:
+    """A square button of a folded panel."""
+    side = imgui.get_content_region_avail().x
+    if lit:
+        imgui.push_style_color(imgui.Col_.button, theme.ACCENT)
+        imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, 0))
+    pressed = imgui.button(letter, ImVec2(side, side))
+    imgui.pop_style_var()
+    if lit:
+        imgui.pop_style_color(2)
+    hint(explained, look)
+    return pressed
+
+
+def facts(rows: Iterable[tuple[str, str]], look: Theme, name: str = "facts") -> None:
+    """Names and values in two columns."""
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
+    if imgui.begin_table(name, 2, flags):
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, look.px(76))
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
+        for title, value in rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            text_in(theme.DIM, title)
+            imgui.table_next_column()
+            imgui.push_text_wrap_pos(0.0)
+            imgui.text_unformatted(value)
+            imgui.pop_text_wrap_pos()
+        imgui.end_table()

@@ -1,0 +1,1 @@
+"""The panels, drawn from the state of the session."""

@@ -1,0 +1,184 @@
+"""What lies over the picture: the profiler, the handle of a comparison, the arrow back to the scene, passing messages."""
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from ...common.text import counted
+from ..kit import theme
+from ..kit.theme import Theme, fitted, packed, text_in
+from ..kit.widgets import FLOATING, MARGIN, PASSIVE
+from ..session.session import Session
+from .status_bar import count_text
+from .view_switch import TITLES
+
+_TITLE_WIDTH = 258.0  # as wide as the figures beneath it
+_LOST_BOX = 112.0, 44.0
+"""Half the width and height of the box that says how to get back, design units."""
+
+
+def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
+    """Top left of the picture (F3).  fps: frames per second while something moves, None at rest."""
+    stats, px, area = session.picture.stats, look.px, session.area.layout.picture
+    if session.scene is None or stats is None or not session.profiler:
+        return
+    imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
+    imgui.begin("profiler", None, PASSIVE)
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    imgui.text_unformatted(fitted(session.visit.title, px(_TITLE_WIDTH)))
+    imgui.pop_font()
+    total = sum(stats["stages"].values()) if stats["stages"] else stats["total_ms"]
+    rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"
+    imgui.push_font(look.regular, theme.SMALL)
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
+    bar = px(76)
+    if imgui.begin_table("stages", 3, flags):
+        imgui.table_setup_column("", 0, px(84))
+        imgui.table_setup_column("", 0, bar)
+        imgui.table_setup_column("", 0, px(74))
+        for name, milliseconds in stats["stages"].items():
+            imgui.table_next_row()
+            imgui.table_next_column()
+            text_in(theme.DIM, name)
+            imgui.table_next_column()
+            at, height = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
+            width = max(bar * milliseconds / max(total, 1e-9), 1.0)
+            top, bottom = at.y + 0.3 * height, at.y + 0.75 * height
+            imgui.get_window_draw_list().add_rect_filled(
+                ImVec2(at.x, top), ImVec2(at.x + width, bottom), packed(theme.ACCENT, 0.85), px(2)
+            )
+            imgui.table_next_column()
+            _right(f"{milliseconds:.1f} ms")
+        imgui.table_next_row()
+        imgui.table_next_column()
+        text_in(theme.DIM, "all")
+        imgui.table_next_column()
+        imgui.text_unformatted(rate)
+        imgui.table_next_column()
+        _right(f"{total:.1f} ms")
+        imgui.end_table()
+    imgui.dummy(ImVec2(0, px(1)))
+    rows = [
+        ("points", f"{count_text(stats['points_drawn'])} of {count_text(stats['points_total'])}"),
+        ("raster", f"{stats['raster']} on {_short(stats['opengl'])}"),
+        ("size", f"{session.area.size[0]} × {session.area.size[1]}"),
+        ("speed", session.speed_text),
+    ]
+    if stats["network"]:
+        rows.insert(2, ("network", stats["network"].split(" ")[0]))
+        rows.insert(3, ("device", f"{stats['device']}, {stats['bridge']}"))
+    if imgui.begin_table("facts", 2, flags):
+        imgui.table_setup_column("", 0, px(84))
+        for name, value in rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            text_in(theme.DIM, name)
+            imgui.table_next_column()
+            imgui.text_unformatted(value)
+        for number, text in enumerate(session.screen.approximations or ["none"]):
+            imgui.table_next_row()
+            imgui.table_next_column()
+            text_in(theme.DIM, "approximate" if number == 0 else "")
+            imgui.table_next_column()
+            text_in(theme.TEXT if text == "none" else theme.WARN, text)
+        imgui.end_table()
+    imgui.pop_font()
+    imgui.end()
+
+
+def _right(text: str) -> None:
+    """Text that ends where its column ends, so that figures line up."""
+    space = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(space, 0.0))
+    imgui.text_unformatted(text)
+
+
+def _short(renderer: str) -> str:
+    """A GPU's name without the driver's small print."""
+    return renderer.split(" (")[0].split("/")[0]
+
+
+def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
+    """The line between two views, its grip, and the names of the two."""
+    if not session.view_settings.split or session.scene is None:
+        return
+    px, draw, area = look.px, imgui.get_background_draw_list(), session.area.layout.picture
+    top, bottom = area.top, area.top + area.height
+    x, middle = area.left + round(session.view_settings.split_at * area.width), (top + bottom) / 2
+    active = hovered or session.dragging_handle
+    line = theme.ACCENT if active else theme.TEXT
+    draw.add_rect_filled(ImVec2(x - px(2), top), ImVec2(x + px(2), bottom), packed(theme.PANEL, 0.45))
+    draw.add_rect_filled(ImVec2(x - px(1), top), ImVec2(x + px(1), bottom), packed(line))
+    draw.add_circle_filled(ImVec2(x, middle), px(15), packed(theme.PANEL, 0.95), 32)
+    draw.add_circle(ImVec2(x, middle), px(15), packed(line), 32, px(2))
+    for side in (-1, 1):
+        tip, wing = x + side * px(9), x + side * px(4)
+        draw.add_triangle_filled(
+            ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
+        )
+    for view, side in zip(session.screen.drawn, (-1, 1)):
+        title = TITLES[view]
+        text = imgui.calc_text_size(title)
+        pad, gap = ImVec2(px(10), px(5)), px(14)
+        left = x - gap - text.x - 2 * pad.x if side < 0 else x + gap
+        high = bottom - px(MARGIN) - text.y - 2 * pad.y
+        corner = ImVec2(left + text.x + 2 * pad.x, high + text.y + 2 * pad.y)
+        draw.add_rect_filled(ImVec2(left, high), corner, packed(theme.PANEL), px(5))
+        draw.add_text(ImVec2(left + pad.x, high + pad.y), packed(theme.TEXT), title)
+
+
+def draw_toasts(session: Session, look: Theme) -> None:
+    """Bottom centre of the picture, the latest lowest; above the labels of a comparison."""
+    area, px = session.area.layout.picture, look.px
+    bottom = area.top + area.height - px(MARGIN + 46)
+    lines = [toast.text for toast in session.notices.toasts]
+    if session.view_settings.network_load is not None:
+        lines.append("Loading the network…")
+    for number, text in enumerate(reversed(lines)):
+        imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, bottom), 0, ImVec2(0.5, 1.0))
+        imgui.begin(f"toast{number}", None, PASSIVE)
+        imgui.push_text_wrap_pos(min(px(640), 0.8 * area.width))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        bottom -= imgui.get_window_height() + px(8)
+        imgui.end()
+
+
+def draw_recording(session: Session, look: Theme) -> None:
+    """A red dot and the number of frames, below the view switch, while frame times are recorded."""
+    if session.recording is None:
+        return
+    area, px = session.area.layout.picture, look.px
+    imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, area.top + px(56)), 0, ImVec2(0.5, 0.0))
+    imgui.begin("recording", None, PASSIVE)
+    at, line = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
+    imgui.get_window_draw_list().add_circle_filled(ImVec2(at.x + px(6), at.y + line / 2), px(5), packed(theme.BAD), 24)
+    imgui.dummy(ImVec2(px(14), line))
+    imgui.same_line()
+    imgui.text_unformatted(f"{counted(len(session.recording), 'frame')} · F9 stops")
+    imgui.end()
+
+
+def draw_lost(session: Session, look: Theme) -> None:
+    """Where the picture shows nothing: how to get back, and an arrow to the scene."""
+    if not session.lost or session.scene is None:
+        return
+    px, area, draw = look.px, session.area.layout.picture, imgui.get_background_draw_list()
+    middle = np.array([area.left + area.width / 2, area.top + area.height / 2])
+    along = session.flight.direction_to_middle(session.camera)
+    half = np.array([px(_LOST_BOX[0]), px(_LOST_BOX[1])])
+    edge = float((half / np.maximum(np.abs(along), 1e-9)).min()) + px(14)  # where a ray leaves the box of buttons, and a gap
+    start, tip = middle + along * edge, middle + along * (edge + px(44))
+    side = np.array([-along[1], along[0]]) * px(9)
+    base = tip - along * px(16)
+    for colour, width in ((theme.SHADE, px(7)), (theme.ACCENT, px(4))):
+        draw.add_line(ImVec2(*start), ImVec2(*base), packed(colour), width)
+    draw.add_triangle_filled(ImVec2(*tip), ImVec2(*(base + side)), ImVec2(*(base - side)), packed(theme.ACCENT))
+    imgui.set_next_window_pos(ImVec2(*middle), 0, ImVec2(0.5, 0.5))
+    imgui.begin("lost", None, FLOATING)
+    imgui.text_unformatted("Nothing in sight: Home, F")  # the keys of the two buttons
+    if imgui.button("Home"):
+        session.go_home()
+    imgui.same_line()
+    if imgui.button("Whole scene"):
+        session.frame_scene()
+    imgui.end()

@@ -1,0 +1,200 @@
+"""The look panel at the right, made from the tables of ``viewer/picture/settings.py``: a choice added there appears here.
+
+What most people want is at the top in plain words; "Advanced" holds the rest.  A choice that has no effect or cannot be
+made is disabled, and its tooltip says why.
+"""
+
+import sys
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from ...picture.background import COLOURS
+from ...picture.settings import BACKGROUNDS, QUALITIES, VIEWS, Settings
+from ..kit import theme
+from ..kit.theme import Theme
+from ..kit.widgets import (  # fmt: skip
+    CLAMP,
+    begin_docked,
+    button,
+    combo,
+    heading,
+    hint,
+    label,
+    rail_button,
+    setting,
+    slider,
+    to_the_right,
+)
+from ..session.session import Session
+from .view_switch import TITLES
+
+_LOD_DEFAULT = 4.0
+_SHIPPED = "shipped"
+_NO_FILTER = "The filter is off."
+_NO_NETWORK = "Only the neural view uses the network."
+
+
+def draw_look_panel(session: Session, look: Theme) -> None:
+    """At the right, open or folded to its icons.  Every change is a new Settings record, requested of the session."""
+    place = session.area.layout.look
+    if place is None:
+        return
+    if not session.area.panels.look:
+        begin_docked("look folded", place, look, padding=(5, 6), scroll=False)
+        imgui.push_font(look.bold, theme.FONT_SIZE)
+        if rail_button("<<##look", "Show how the picture is made", look):
+            session.area.panels.look = True
+        if rail_button("?##help", "Controls (F1)", look):
+            session.help = not session.help
+        if rail_button("ms##profiler", "Where the time of a frame goes (F3)", look, lit=session.profiler):
+            session.profiler = not session.profiler
+        imgui.pop_font()
+        imgui.end()
+        return
+    begin_docked("look", place, look)
+    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    old = session.view_settings.shown_settings
+    heading("Look", look)
+    to_the_right(">>", look)
+    if imgui.small_button(">>##fold look"):
+        session.area.panels.look = False
+    hint("Fold this panel", look)
+    new = _look(session, old, look)
+    imgui.dummy(ImVec2(0, look.px(4)))
+    if imgui.collapsing_header("Advanced"):
+        new = _advanced(session, new, look)
+    imgui.dummy(ImVec2(0, look.px(4)))
+    usual = new == Settings(view=new.view)
+    if button("Back to defaults", look, width=-1, disabled="Everything is as it was at first." if usual else ""):
+        new = Settings(view=new.view)
+    half = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    if button("Controls", look, width=half, explained="Keys and mouse (F1)"):
+        session.help = not session.help
+    imgui.same_line(0, look.px(8))
+    if button("Profiler", look, width=half, explained="Where the time of a frame goes (F3)"):
+        session.profiler = not session.profiler
+    imgui.pop_font()
+    imgui.end()
+    if new != old:
+        session.view_settings.request(new)
+
+
+def _look(session: Session, new: Settings, look: Theme) -> Settings:
+    chosen = session.view_settings
+    neural = "neural" in (new.view, *chosen.sides)
+    label("quality", QUALITIES[new.quality], look)
+    quality = combo("##quality", new.quality, QUALITIES, look, disabled=missing_qualities(new))
+    if quality != new.quality:
+        new = replace(new, quality=quality)
+    label("detail", _NO_NETWORK if not neural else "From smooth to every measured grain; in the middle, what the scan's noise "
+          "suggests", look)
+    imgui.begin_disabled(not neural)
+    changed, detail = imgui.slider_float("##detail", new.detail, 0.0, 2.0, _detail_text(new.detail), CLAMP)
+    imgui.end_disabled()
+    hint("" if neural else _NO_NETWORK, look)
+    if changed and 0.0 <= detail <= 2.0:
+        new = replace(new, detail=detail)
+    label("compare", "Two views side by side (key V)", look)
+    changed, on = imgui.checkbox("with", chosen.split)
+    if changed:
+        chosen.compare(on)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    imgui.begin_disabled(not chosen.split)
+    left = combo("##left side", chosen.left, VIEWS, look, names=TITLES)
+    imgui.end_disabled()
+    hint("" if chosen.split else "Tick the box to compare two views.", look)
+    if left != chosen.left:
+        chosen.choose_left(left)
+    table = {name: BACKGROUNDS[name] for name in COLOURS}
+    label("background", f"Behind everything that was neither measured nor filled: {table[chosen.background]}", look)
+    chosen.background = combo("##background", chosen.background, table, look)
+    label("in flight", "Holds a steady frame rate while the camera moves: a lower resolution, fewer points and the filled view "
+          "where needed; full quality at rest", look)
+    changed, quick = imgui.checkbox("keep up", session.picture.adaptive_lod.keep_up)
+    if changed:
+        session.picture.adaptive_lod.keep_up, session.picture.dirty = quick, True
+    return new
+
+
+def _advanced(session: Session, new: Settings, look: Theme) -> Settings:
+    heading("Hidden points", look)
+    new = setting(new, "filter", "filter", look)
+    off = new.filter == "off"
+    label("strength", "Multiplies the depth tolerance; 1 is the preset's own, less keeps fewer points", look)
+    imgui.begin_disabled(off)
+    new = replace(new, filter_strength=slider("##strength", new.filter_strength, 0.1, 10.0, "%.2f"))
+    imgui.end_disabled()
+    hint(_NO_FILTER if off else "", look)
+    label("levels", "Levels of the depth pyramid; auto is the preset's own", look)
+    imgui.begin_disabled(off)
+    changed, value = imgui.slider_int(
+        "##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d", CLAMP
+    )
+    imgui.end_disabled()
+    hint(_NO_FILTER if off else "", look)
+    if changed and 0 <= value <= 12:
+        new = replace(new, filter_levels=value or None)
+    heading("Points", look)
+    every = new.lod is None
+    label("density", "Points drawn per pixel that a cell covers; every point where the box is not ticked", look)
+    ticked, on = imgui.checkbox("##lod", not every)
+    if ticked:
+        new = replace(new, lod=_LOD_DEFAULT if on else None)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    imgui.begin_disabled(every)
+    value = slider("##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f per pixel")
+    imgui.end_disabled()
+    if new.lod is not None:
+        new = replace(new, lod=value)
+    new = setting(new, "stations", "stations", look)
+    new = setting(new, "soft_z", "soft depth", look)
+    new = setting(new, "raster", "rasteriser", look)
+    heading("Network", look)
+    new = _own_weights(new, session, look)
+    new = setting(new, "precision", "precision", look)
+    return setting(new, "device", "device", look, disabled=_missing_devices())
+
+
+def missing_qualities(settings: Settings) -> dict[str, str]:
+    """Qualities without weights -> the reason."""
+    if settings.weights is not None:
+        return {}
+    from ....model.network.weights_folder import weights_file
+
+    files = {quality: weights_file(quality, filtered=settings.filter != "off") for quality in QUALITIES}
+    return {
+        quality: f"No weights of this network are shipped ({path.name})."
+        for quality, path in files.items() if not path.is_file()
+    }  # fmt: skip
+
+
+def _missing_devices() -> dict[str, str]:
+    """Devices that cannot be used -> the reason, as far as that is known without loading torch for it."""
+    torch = sys.modules.get("torch")
+    if torch is None or torch.cuda.is_available():
+        return {}
+    return {"cuda": "torch sees no CUDA device here; `pointglass doctor` says more."}
+
+
+def _detail_text(detail: float) -> str:
+    """What stands in the slider: imgui puts the number where the format asks for one."""
+    return "by the noise" if abs(detail - 1.0) < 0.02 else "%.2f smoother" if detail < 1.0 else "%.2f finer"
+
+
+def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
+    """A row that chooses among a person's own weights, where there are any."""
+    own = session.view_settings.own_weights
+    if not own and settings.weights is None:
+        return settings
+    names = {str(path): name for name, path in own.items()}
+    if settings.weights is not None:
+        names.setdefault(settings.weights, settings.weights.rpartition("/")[2])
+    table = {_SHIPPED: "the weights that came with pointglass", **{name: path for path, name in names.items()}}
+    value = _SHIPPED if settings.weights is None else names[settings.weights]
+    label("weights", "Your own weights, made by `pointglass train`", look)
+    chosen = combo("##weights", value, table, look)
+    path = next((path for path, name in names.items() if name == chosen), None)
+    return settings if chosen == value else replace(settings, weights=path)

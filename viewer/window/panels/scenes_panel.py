@@ -1,0 +1,185 @@
+"""The scene list at the left: the scans and their facts, the tools, and notices with their actions."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imgui_bundle import ImVec2, imgui
+
+from ...work.scan_files import FilePart, files_of
+from ..kit import theme
+from ..kit.theme import Theme, fitted, packed, text_in
+from ..kit.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
+from ..session.scan_notice_actions import act_on_notice
+from ..session.session import Session
+from .status_bar import count_text, units_text
+
+if TYPE_CHECKING:
+    from ..shell.app import App
+
+_ROWS = 8
+"""Files that are listed without scrolling."""
+_RAIL_BESIDES_TOOLS = 4
+"""Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""
+
+
+def draw_scenes_panel(app: "App", look: Theme) -> None:
+    """At the left, open or folded to its icons."""
+    session, place = app.session, app.session.area.layout.scenes
+    if place is None:
+        return
+    if not session.area.panels.scenes:
+        _folded(app, look)
+        return
+    begin_docked("scenes", place, look)
+    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    heading("Scans", look)
+    to_the_right("<<", look)
+    if imgui.small_button("<<##fold scenes"):
+        session.area.panels.scenes = False
+    hint("Fold the scene list", look)
+    _scans(session, look)
+    _open_buttons(app, look)
+    heading("Tools", look)
+    _tools(app, look)
+    _viewpoints(session, look)
+    _notices(session, look)
+    imgui.pop_font()
+    imgui.end()
+
+
+def _folded(app: "App", look: Theme) -> None:
+    session, place = app.session, app.session.area.layout.scenes
+    assert place is not None
+    begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    number = len(app.toolbox.tools) + _RAIL_BESIDES_TOOLS
+    free = (place.height - look.px(12) - number * (place.width - look.px(10))) / (number - 1)
+    usual = imgui.get_style().item_spacing
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, look.px(1)), usual.y)))
+    if rail_button(">>##scenes", "Show the scene list", look):
+        session.area.panels.scenes = True
+    if rail_button("O", "Open scans", look):
+        app.act("open")
+    for tool in app.toolbox.tools:
+        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is app.toolbox.active):
+            app.toolbox.select(tool.name, app.tools)
+            session.area.panels.scenes = tool is not app.toolbox.fly  # a tool's controls are in the open panel
+    if rail_button("H##home", "Back to the start viewpoint (Home)", look):
+        session.go_home()
+    if session.notices.of_scan:
+        at = imgui.get_cursor_screen_pos()
+        if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", look):
+            session.area.panels.scenes = True
+        side = place.width - look.px(10)
+        dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
+        imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
+    imgui.pop_style_var()
+    imgui.pop_font()
+    imgui.end()
+
+
+def _explained(tool) -> str:
+    return f"{tool.label}: {tool.help}" + (f" (key {tool.key})" if tool.key else "")
+
+
+def _scans(session: Session, look: Theme) -> None:
+    scene = session.scene
+    assert scene is not None
+    sources = scene.meta.get("sources") or ["points in memory"]
+    width = imgui.get_content_region_avail().x
+    if len(sources) > 1 and len(parts := files_of(scene)) == len(sources):
+        _files(session, look, parts)
+    else:
+        for source in sources[:_ROWS]:
+            imgui.text_unformatted(fitted(Path(source).name, width))
+            hint(source, look)
+        if len(sources) > _ROWS:
+            text_in(theme.DIM, f"and {len(sources) - _ROWS} more")
+    imgui.push_font(look.regular, theme.SMALL)
+    rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
+    rows.append(("format", str(scene.meta.get("format") or "unknown")))
+    rows.append(("units", units_text(session.facts)))
+    extent = scene.bounds[1] - scene.bounds[0]
+    rows.append(("extent", " x ".join(f"{length:.4g}" for length in extent)))
+    rows.append(("spacing", f"{scene.spacing:.3g}"))
+    facts(rows, look, "scan facts")
+    imgui.pop_font()
+    if session.visit.preview and session.loads.current is not None:
+        small("Preview; all points follow.", look, theme.WARN)
+
+
+def _files(session: Session, look: Theme, parts: list[FilePart]) -> None:
+    """The files of the scene, each with a switch that shows it and a name that flies to it."""
+    style = imgui.get_style()
+    row = imgui.get_frame_height() + style.item_spacing.y
+    if len(parts) > _ROWS:
+        imgui.begin_child("files", ImVec2(0, _ROWS * row))
+    hidden = set(session.document.hidden_stations)
+    clipper = imgui.ListClipper()
+    clipper.begin(len(parts), row)
+    while clipper.step():
+        for number in range(clipper.display_start, clipper.display_end):
+            part = parts[number]
+            imgui.push_id(number)
+            imgui.begin_disabled(not part.apart)
+            on = not hidden.issuperset(part.numbers)
+            changed, on = imgui.checkbox("##file", on)
+            imgui.end_disabled()
+            hint("Show the points of this file" if part.apart else "This file shares its number with others in the grid: it "
+                 "cannot be hidden by itself", look)
+            if changed:
+                kept = hidden.difference(part.numbers) if on else hidden.union(part.numbers)
+                session.work.edit(f"{'Show' if on else 'Hide'} {Path(part.path).name}", hidden_stations=tuple(sorted(kept)))
+            imgui.same_line()
+            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + style.frame_padding.y)
+            if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x)) and not session.visit.show_file(
+                part, session.document, session.area.aspect
+            ):
+                session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
+            hint(f"{part.path}\nA click flies to it", look)
+            imgui.pop_id()
+    if len(parts) > _ROWS:
+        imgui.end_child()
+
+
+def _open_buttons(app: "App", look: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    if button("Open…", look, width=width, explained="Choose scan files"):
+        app.act("open")
+    imgui.same_line(0, look.px(8))
+    if button("Close", look, width=width, explained="Back to the start page"):
+        app.act("close_scan")
+
+
+def _tools(app: "App", look: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    for number, tool in enumerate(app.toolbox.tools):
+        if number % 2:
+            imgui.same_line(0, look.px(8))
+        lit = tool is app.toolbox.active
+        if button(f"{tool.label}##{tool.name}", look, width=width, primary=lit, explained=_explained(tool)):
+            app.toolbox.select(tool.name, app.tools)
+    app.toolbox.active.panel(imgui, app.tools)
+
+
+def _viewpoints(session: Session, look: Theme) -> None:
+    heading("Viewpoint", look)
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    if button("Start", look, width=width, explained="Back to the start viewpoint (key Home)"):
+        session.go_home()
+    imgui.same_line(0, look.px(8))
+    if button("Whole scene", look, width=width, explained="See the whole scene from here (key F)"):
+        session.frame_scene()
+
+
+def _notices(session: Session, look: Theme) -> None:
+    if not session.notices.of_scan:
+        return
+    heading("Notices", look)
+    for number, notice in enumerate(session.notices.of_scan):
+        imgui.push_id(number)
+        small(notice.text, look, theme.TEXT)
+        if notice.action and link(notice.label):
+            act_on_notice(session, notice.action)
+        imgui.dummy(ImVec2(0, look.px(2)))
+        imgui.pop_id()

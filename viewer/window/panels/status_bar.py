@@ -1,0 +1,107 @@
+"""The status bar: columns of fixed width, so that nothing moves while figures change."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from ..kit import theme
+from ..kit.theme import Theme, fitted, packed, text_in
+from ..kit.widgets import begin_docked, hint
+from ..session.session import Session
+
+
+def count_text(number: int) -> str:
+    """A count that is read at a glance: 950, 12.3 k, 1.04 M, 2.10 G."""
+    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if number >= size:
+            return f"{number / size:.3g} {unit}" if number / size >= 100 else f"{number / size:#.3g} {unit}"
+    return str(number)
+
+
+def coordinates_text(point: np.ndarray | None, metres_per_unit: float | None) -> str:
+    """A measured point in the file's coordinates, to a millimetre where the unit is known."""
+    if point is None:
+        return "no measured point"
+    places = 3 if not metres_per_unit else max(0, min(6, round(3 + np.log10(metres_per_unit))))
+    return "  ".join(f"{value:.{places}f}" for value in point)
+
+
+def units_text(meta: dict) -> str:
+    """The unit of the coordinates and the coordinate reference system, as far as they are known."""
+    metres = meta.get("metres_per_unit")
+    named = {1.0: "m", 0.001: "mm", 0.01: "cm", 1000.0: "km", 0.3048: "ft", 1200 / 3937: "US ft"}
+    unit = next((name for value, name in named.items() if metres and abs(value / metres - 1) < 1e-7), None)
+    unit = unit or (f"{metres:g} m" if metres else "degrees" if meta.get("units") == "degree" else "unit unknown")
+    crs = meta.get("crs")
+    name = crs.get("name") if isinstance(crs, dict) else crs
+    return f"{unit} · {name}" if name else unit
+
+
+@dataclass(frozen=True)
+class _Column:
+    """text: what it says.  width: design units; 0: the rest.  explained: its tooltip."""
+
+    text: str
+    width: float
+    explained: str
+    warn: bool = False
+
+
+def _columns(session: Session, fps: float | None) -> list[_Column]:
+    meta = session.facts
+    stats = session.picture.stats or {}
+    approximations = session.screen.approximations
+    if session.picture.pending is not None or (session.screen.refining and not session.flight.moving):
+        state = "refining…"
+    elif session.flight.moving:
+        state = "moving"
+    else:
+        state = "exact" if session.screen.exact and not approximations else "at rest"
+    rough = ", approximate" if approximations and state != "refining…" else ""
+    drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
+    rate = f"{fps:.0f} frames/s" if fps else ""
+    text = "; ".join(approximations) if approximations else "Nothing is left out."
+    return [
+        _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,
+                "The measured point under the pointer, in the file's coordinates"),
+        _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
+        _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
+                "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
+        _Column(state + rough, 176, text, bool(approximations)),
+        _Column(f"{count_text(drawn)} of {count_text(total)}" if total else "", 140, "Points drawn, of all points"),
+        _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),
+    ]
+
+
+_ORDER = (0, 3, 5, 2, 4, 1)  # what is kept first where the window is narrow
+
+
+def draw_status_bar(session: Session, look: Theme, *, fps: float | None) -> None:
+    """At the bottom of the window.  fps: frames per second while something moves, None at rest."""
+    bar = session.area.layout.status
+    if bar is None:
+        return
+    px = look.px
+    begin_docked("status", bar, look, padding=(12, 6), scroll=False)
+    imgui.push_font(look.regular, theme.SMALL)
+    columns, room, kept = _columns(session, fps), bar.width - px(24), set()
+    for number in _ORDER:
+        needed = px(columns[number].width or 130)
+        if needed <= room or not kept:
+            kept.add(number)
+            room -= needed
+    x = bar.left + px(12)
+    for number, column in enumerate(columns):
+        if number not in kept:
+            continue
+        width = px(column.width) if column.width else px(130) + max(room, 0.0)
+        imgui.set_cursor_screen_pos(ImVec2(x, bar.top + px(7)))
+        text_in(theme.WARN if column.warn else theme.TEXT if number in (0, 3) else theme.DIM,
+                fitted(column.text, min(width - px(14), bar.left + bar.width - x - px(8))))
+        hint(column.explained, look)
+        x += width
+    draw = imgui.get_window_draw_list()
+    draw.add_line(ImVec2(bar.left, bar.top), ImVec2(bar.left + bar.width, bar.top), packed(theme.LINE), 1.0)
+    imgui.pop_font()
+    imgui.end()

@@ -1,0 +1,68 @@
+"""The view switch over the picture: the lit segment is drawn, the outlined one was requested and is being made.  A neural view
+that a smaller network draws while the camera moves is lit and outlined."""
+
+from imgui_bundle import ImVec2, imgui
+
+from ...picture.settings import VIEWS
+from ..kit import theme
+from ..kit.theme import Theme, packed
+from ..kit.widgets import DOCKED, MARGIN, hint
+from ..session.session import Session
+
+TITLES = {"raw": "Raw", "filtered": "Filtered", "filled": "Filled", "neural": "Neural"}
+_SHORT = {"raw": "Raw", "filtered": "Filt", "filled": "Fill", "neural": "Net"}
+_WIDTH, _SHORT_WIDTH, _HEIGHT = 84.0, 46.0, 30.0
+
+
+def draw_view_switch(session: Session, look: Theme) -> None:
+    """Top centre of the picture."""
+    if session.scene is None:
+        return
+    px, area, chosen = look.px, session.area.layout.picture, session.view_settings
+    short = area.width < px(4 * _WIDTH + 60 + 2 * MARGIN)
+    width, height = px(_SHORT_WIDTH if short else _WIDTH), px(_HEIGHT)
+    whole = 4 * width + px(8) + px(40)
+    imgui.set_next_window_pos(ImVec2(area.left + max((area.width - whole) / 2, 0.0), area.top + px(10)))
+    imgui.set_next_window_size(ImVec2(whole, height + px(8)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(px(4), px(4)))
+    imgui.begin("view switch", None, DOCKED)
+    imgui.pop_style_var()
+    imgui.push_font(look.regular, theme.SMALL)
+    wanted = chosen.shown_settings.view
+    for number, (view, explained) in enumerate(VIEWS.items()):
+        if number:
+            imgui.same_line(0, 0)
+        lit, asked = view in session.screen.drawn, view == wanted
+        smaller = session.screen.smaller_network if view == "neural" and lit else None
+        coming = asked and (not lit or smaller is not None)
+        if _segment(_SHORT[view] if short else TITLES[view], width, height, look, lit=lit, asked=coming):
+            chosen.show(view)
+        state = ""
+        if smaller is not None:
+            state = f"\nDrawn by the {smaller} network while the camera moves; {chosen.settings.quality} at rest."
+        elif coming:
+            loading = chosen.network_load is not None
+            state = "\nAsked for; " + ("its network is being loaded." if loading else "shown as soon as it is made.")
+        hint(f"{explained} (key {number + 1}){state}", look)
+    imgui.same_line(0, px(4))
+    if _segment("||", px(36), height, look, lit=chosen.split, asked=False):
+        chosen.compare(not chosen.split)
+    hint("Compare two views side by side (key V)", look)
+    imgui.pop_font()
+    imgui.end()
+
+
+def _segment(text: str, width: float, height: float, look: Theme, *, lit: bool, asked: bool) -> bool:
+    colours = [(imgui.Col_.button, theme.ACCENT), (imgui.Col_.button_hovered, theme.ACCENT),
+               (imgui.Col_.button_active, theme.ACCENT), (imgui.Col_.text, theme.ACCENT_TEXT)] if lit else []  # fmt: skip
+    for slot, colour in colours:
+        imgui.push_style_color(slot, colour)
+    pressed = imgui.button(text, ImVec2(width, height))
+    imgui.pop_style_color(len(colours))
+    if asked:
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        inset = look.px(1.5)
+        colour = packed(theme.ACCENT_TEXT if lit else theme.ACCENT)
+        imgui.get_window_draw_list().add_rect(
+            ImVec2(low.x + inset, low.y + inset), ImVec2(high.x - inset, high.y - inset), colour, look.px(5), look.px(2.5))
+    return pressed

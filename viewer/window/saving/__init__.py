@@ -1,0 +1,1 @@
+"""What a person keeps: F12, F9, stills rendered beside the window."""

@@ -1,0 +1,74 @@
+"""A still rendered beside the window: F12 at two to four times the size, and panoramas.
+
+It has a thread, an OpenGL context and a renderer of its own, so that the window stays usable meanwhile.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...work.ghosts import prepared
+from ...work.pictures.altered_pictures import AlteredPictures, shot_picture
+from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
+from ..kit.worker import Worker
+from .capture import save_png
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ...grid.scene import Scene
+    from ...render.renderer import Renderer
+
+
+@dataclass(frozen=True)
+class StillJob:
+    """All that a still is made of, taken when it is asked for.
+
+    shot: what is drawn; its camera has the size that is saved.  out: the PNG.  panorama: width and height of a 360-degree
+    picture around the camera instead, twice as wide as high.
+    """
+
+    scene: "Scene"
+    shot: Shot
+    out: Path
+    panorama: tuple[int, int] | None = None
+
+    def render(self) -> Path:
+        """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
+        from ...render.device.context import create_context
+        from ...render.renderer import Renderer
+
+        if "neural" in (self.shot.settings.view, self.shot.other_view):
+            from ....model.common.process.torch_process import prepare_inference
+
+            prepare_inference()
+        context = create_context()
+        try:
+            renderer = Renderer(context, prepared(self.scene, self.shot.alterations.ghosts))
+            try:
+                if self.panorama is None:
+                    save_png(self.out, shot_picture(renderer, self.shot), {KEY: self.shot.text()})
+                else:
+                    save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))
+            finally:
+                renderer.release()
+        finally:
+            context.release()
+        return self.out
+
+    def _panorama(self, renderer: "Renderer", size: tuple[int, int]) -> "np.ndarray":
+        from ...commands.film.frames import FrameMaker
+
+        altered = AlteredPictures(renderer, self.shot.alterations)
+        try:
+            maker = FrameMaker(renderer, self.shot.settings, size, panorama=True, background=self.shot.background,
+                               altered=None if self.shot.alterations.none else altered)
+            return maker.picture(self.shot.camera)
+        finally:
+            altered.release()
+
+
+def still_worker(job: StillJob, wake: Callable[[], None]) -> Worker:
+    """Starts a still."""
+    return Worker(job.render, "Rendering the picture", wake)

@@ -1,0 +1,1 @@
+"""The state of a window without the window: scene, work, loading, saving, recovery."""

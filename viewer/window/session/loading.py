@@ -1,0 +1,269 @@
+"""Loading scans and networks off the window's thread, and the notices about a scan."""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...common.errors import Cancelled, PointglassError
+from ...picture.settings import Settings
+from ...work.moved_scans import MissingScans
+from ..flight.start_viewpoint import Survey, survey
+from ..kit.worker import Worker
+from .notices import Notices, ScanNotice
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from .recovery import Recoverable
+
+
+_SMALLER = {"fast": (), "balanced": ("fast",), "best": ("balanced", "fast"), "paper": ("fast",)}
+"""Quality -> those of smaller networks, the largest first."""
+_PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What a load brings back, made off the window's thread.
+
+    seen: what the start viewpoint needs to know.  paths: the files.  preview: a coarse scene that the complete one follows.
+    follows_preview: the complete scene of a preview that is shown: the camera stays.
+    variant: the scene that is shown, with other points marked as ghosts: the camera stays.
+    problems: (file, one line) of those that could not be opened.
+    """
+
+    scene: "Scene"
+    seen: Survey
+    paths: tuple[Path, ...] = ()
+    preview: bool = False
+    follows_preview: bool = False
+    variant: bool = False
+    problems: tuple[tuple[Path, str], ...] = ()
+
+
+def scan_notices(meta: dict) -> list[ScanNotice]:
+    """What a person should know about a scan: the reader's warnings, and how its colours differ from the file's."""
+    colour = meta.get("colour") or {}
+    notices = [ScanNotice(text) for text in meta.get("warnings", [])]
+    if colour.get("source", "rgb") != "rgb" and not any("colour" in notice.text for notice in notices):
+        notices.insert(0, ScanNotice(str(colour.get("note") or f"coloured by {colour['source']}")))
+    kinds = {"exposures": "stations", "passes": "runs of points"}
+    matched = [name for key, name in kinds.items() if (meta.get(key) or {}).get("applied")]
+    if matched:
+        text = f"The brightness of {' and of '.join(matched)} was made equal."
+        notices.append(ScanNotice(text, "as_scanned", "Keep colours as scanned"))
+    return notices
+
+
+def network_key(settings: Settings) -> tuple:
+    """The settings that decide which network is used."""
+    return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
+
+
+def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
+    """The scans as one scene.  cache, match, columns: as in viewer.grid.open_scene."""
+    from ...grid import open_scene as grid_scene
+    from ...readers.formats import takes_columns
+
+    columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
+    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
+
+
+def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene | None":
+    """A coarse scene within about a second; None where the complete one opens as fast.
+
+    cache: whether the complete one is read from the cache, where it is there."""
+    from ...grid.cache import folder_of
+    from ...grid.open_scene import as_paths
+    from ...readers.grid_folder import is_grid
+
+    files = as_paths(paths)
+    if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns) / "meta.json").is_file()):
+        return None
+    from ...grid.preview import preview_scene as coarse
+
+    return coarse(files, columns=columns)
+
+
+def smaller_networks(settings: Settings) -> tuple[str, ...]:
+    """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
+    for the same input; none for a person's own weights."""
+    from ....model.network.weights_folder import weights_file
+
+    if settings.weights is not None:
+        return ()
+    filtered = settings.filter != "off"
+    return tuple(name for name in _SMALLER[settings.quality] if weights_file(name, filtered=filtered).is_file())
+
+
+def load_network(settings: Settings) -> None:
+    """Imports torch and reads the weights, also those of smaller networks for flight, off the window's thread, so that the
+    first neural frame only has to run."""
+    from ....model.common.process.torch_process import prepare_inference
+    from ....model.network.reconstruct import cuda_problem
+    from ...common.errors import DeviceError
+    from ...render.network import neural
+
+    prepare_inference()
+    problem = None if settings.device == "cpu" else cuda_problem()
+    if settings.device == "cuda" and problem:
+        raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
+    device = "cpu" if settings.device == "cpu" or problem else "cuda"
+    for quality in (settings.quality, *smaller_networks(settings)):
+        neural.load_network(quality, settings.filter != "off", settings.weights, settings.precision, device)
+
+
+def expanded(paths: Sequence[Path]) -> list[Path]:
+    """The paths, with each folder that is no scan itself replaced by the scans that lie in it."""
+    from ...readers.formats import entry_of, is_scan
+    from ...readers.grid_folder import is_grid
+
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir() and not is_grid(path) and entry_of(path) == path:
+            inside = [file for file in sorted(path.iterdir()) if not file.name.startswith(".") and is_scan(file)]
+            found += inside or [path]
+        else:
+            found.append(path)
+    return found
+
+
+def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") -> "tuple[Scene, list[Path], list]":
+    """Opens ``files`` as one scene and leaves out those that cannot be opened.
+
+    Returns the scene, the files it holds, and (file, one line) of the others.  Raises the last error where none is left.
+    """
+    problems: list[tuple[Path, str]] = []
+    while True:
+        try:
+            scene = open_scene(files)
+            for file, text in _left_out(scene, files):
+                problems.append((file, text))
+                files = [other for other in files if other != file]
+            return scene, files, problems
+        except Cancelled:
+            raise
+        except PointglassError as error:
+            named = [file for file in files if str(error).startswith((str(file), file.name))]
+            if len(files) == 1 or not named:
+                raise
+            problems.append((named[0], str(error)))
+            files = [file for file in files if file != named[0]]
+
+
+def _left_out(scene: "Scene", files: list[Path]) -> list[tuple[Path, str]]:
+    """(file, one line) of the files that were left out of a scene because they could not be opened."""
+    from ...readers.formats import LEFT_OUT
+
+    lines = [text.removeprefix(LEFT_OUT) for text in scene.meta.get("warnings", []) if text.startswith(LEFT_OUT)]
+    return [(file, line) for line in lines for file in files if line.startswith((f"{file}:", f"{file.name}:"))]
+
+
+class ScanLoads:
+    """The load of scans under way, one at a time, and those given up that still clean up after themselves.
+
+    current: the load under way, else None.  missing: scans of a project that were not there, until somebody asks for them.
+    prepare: the scans to read of what is opened (of a project, its scans); raises
+    PointglassError.  open_scene, preview_scene, wake: replaceable in tests.
+    """
+
+    def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
+                 preview_scene: "Callable[..., Scene | None]" = preview_scene):
+        self._notices, self._wake = notices, wake
+        self.wake = wake
+        self.open_scene, self.preview_scene = open_scene, preview_scene
+        self.prepare: Callable[[Sequence[Path], Recoverable | None], list[Path]] = lambda paths, _: list(paths)
+        self.current: Worker | None = None
+        self.missing: MissingScans | None = None
+        self._asked: tuple[Sequence[Path], Recoverable | None] = (), None
+        self._preview: Loaded | None = None
+        self._shown = threading.Event()
+        self._abandoned: list[Worker] = []
+
+    def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None) -> None:
+        """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
+
+        as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
+        """
+        self.cancel()
+        self._asked = paths, recovered
+        try:
+            given, colours = self.prepare(paths, recovered), {"match": False} if as_scanned else {}
+        except MissingScans as error:
+            self.missing = error
+            return
+        except PointglassError as error:
+            self._notices.say("This project cannot be opened", str(error))
+            return
+
+        def work() -> Loaded:
+            files = expanded(given)
+            previewed = self._first_picture(files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
+            scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
+            return Loaded(scene, survey(scene), tuple(opened), follows_preview=previewed, problems=tuple(problems))
+
+        names = given[0].name if len(given) == 1 else f"{len(given)} files"
+        worker: list[Worker] = []
+        self.current = Worker(work, f"Opening {names}", self._wake, start=False)
+        worker.append(self.current)
+        self.current.start()
+
+    def open_again(self) -> None:
+        """Opens what was asked for last: its missing scans have been located."""
+        paths, recovered = self._asked
+        self.open(paths, recovered=recovered)
+
+    def _first_picture(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
+        """Makes the preview, on the worker's thread.  Returns whether there is one.  Errors are left to the complete load."""
+        try:
+            scene = self.preview_scene(files, **colours)
+        except Cancelled:
+            raise
+        except (PointglassError, MemoryError, OSError):
+            return False
+        if scene is None or not wanted():
+            return False
+        self._preview = Loaded(scene, survey(scene), tuple(files), preview=True)
+        self._wake()
+        self._shown.wait(_PREVIEW_SECONDS)  # the first picture does not share the processors with the complete load
+        return True
+
+    def preview_shown(self) -> None:
+        """The preview is on the screen: the complete load goes on."""
+        self._shown.set()
+
+    def cancel(self) -> None:
+        """Stops the load under way; the scene stays."""
+        self._preview = None
+        self._shown.set()
+        self._shown = threading.Event()
+        if self.current is not None:
+            self.current.cancel()
+            self._abandoned.append(self.current)
+            self.current = None
+
+    def poll(self) -> Loaded | None:
+        """A scene that has been loaded since the last call, or None.  An error becomes a dialog."""
+        self._abandoned = [work for work in self._abandoned if not work.finished]
+        if self.current is None:
+            return None
+        if not self.current.finished:
+            preview, self._preview = self._preview, None
+            return preview
+        work, self.current = self.current, None
+        self._preview = None
+        if work.error is not None:
+            self._notices.say("This scan cannot be opened", work.error)
+        loaded = work.result if not work.cancelled else None
+        if loaded is not None and loaded.problems:
+            lines = "\n\n".join(text for _, text in loaded.problems)
+            number = len(loaded.problems)
+            self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", lines)
+        return loaded
+
+    def close(self) -> None:
+        """Stops the load, and waits until what was being written is removed."""
+        self.cancel()
+        for work in self._abandoned:
+            work.join(15.0)

@@ -1,0 +1,232 @@
+"""Keeps the work of a window: saving, the question before unsaved work is left, autosave, and what crashed windows left.
+
+Every way to leave the work that is open goes through :meth:`ProjectFlow.leave`; and a scene that would replace it is only
+accepted through :meth:`ProjectFlow.may_replace`, also where the work was changed while the scene was loading.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ...common.errors import PointglassError
+from ...common.paths import assets_dir
+from ...common.text import printable
+from ...work.document import Document, Viewpoint
+from ...work.project import SUFFIX
+from ..file_dialog.file_dialogs import FileDialogs
+from .autosave import Autosave, UnsavedWork, discard, lock
+from .loading import Loaded
+from .notices import Answer
+from .recent import remember
+from .recovery import Recoverable, recoverable, renewed
+from .session import Session
+
+_KIND = {"Projects": (SUFFIX,)}
+
+
+class ProjectFlow:
+    """offers: unsaved work of windows that are gone, which nobody has restored or discarded."""
+
+    def __init__(self, session: Session, files: FileDialogs, wake: Callable[[], None]):
+        self._session, self._files = session, files
+        self.autosave = Autosave(wake)
+        self.offers: list[Recoverable] = []
+        self._offered: set[Path] = set()
+        self._given_up: Document | None = None  # the content that the person agreed to lose
+        self._problem = ""
+        self._left_off: tuple[Document, UnsavedWork] | None = None
+        self.look_for_offers()
+
+    # -- what is saved and what is not -------------------------------------------------------------------------------
+
+    @property
+    def _shown(self) -> tuple:
+        chosen = self._session.view_settings
+        return chosen.shown_settings, chosen.background
+
+    @property
+    def changed(self) -> bool:
+        """Whether there is work that is not saved."""
+        return self._session.work.changed(*self._shown)
+
+    @property
+    def name(self) -> str:
+        """Of the project, else of the scan."""
+        project = self._session.work.project
+        return printable(project.name if project is not None else self._session.visit.title)
+
+    @property
+    def title(self) -> str:
+        """Of the window."""
+        if self._session.scene is None:
+            return "pointglass"
+        return f"{'• ' if self.changed else ''}{self.name} · pointglass"
+
+    def follow(self) -> None:
+        """Called in every turn of the loop, before a picture is made: hands what is not saved to the autosave."""
+        session = self._session
+        work = session.work
+        if (found := work.recovered) is not None:
+            work.recovered = None
+            self._take_over(found)
+            self._left_off = None
+        if not self.changed:
+            self._left_off = None
+            self.autosave.follow(None)
+        elif self._left_off is None or self._left_off[0] is not work.content(*self._shown):
+            project = os.path.abspath(work.project) if work.project is not None else ""
+            unsaved = UnsavedWork(work.as_saved(session.camera, *self._shown), project, work.digest, self.name)
+            self._left_off = work.content(*self._shown), unsaved
+            self.autosave.follow(unsaved)
+        self._offer()
+        if self.autosave.problem != self._problem:
+            self._problem = self.autosave.problem
+            if self._problem:
+                session.notices.toast(self._problem)
+
+    def close(self) -> None:
+        """The window closes.  Work that is neither saved nor given up stays in the autosave, for the next start."""
+        keep = self.changed and self._given_up != self._session.work.content(*self._shown)
+        if keep:
+            self.follow()
+        self.autosave.close(keep=keep)
+
+    # -- saving ------------------------------------------------------------------------------------------------------
+
+    def save(self, then: Callable[[], object] = lambda: None) -> None:
+        """Saves the project in its file; a new one beside its scan, or where the person says if that is not possible."""
+        work = self._session.work
+        if self._session.scene is None:
+            self._session.notices.toast("Nothing to save yet: open a scan first", instead_of="Nothing to ")
+        elif work.project is None:
+            path = work.project_path
+            usual = path is not None and not path.exists() and os.access(path.parent, os.W_OK)
+            if path is None or not usual or path.absolute().is_relative_to(assets_dir()):
+                self.save_as(then)
+            else:
+                self._write(path, then)
+        elif work.changed_on_disk:
+            project = work.project
+            self._session.notices.ask(
+                "Replace the project?", f"Another window or program has written {project} since it was opened or saved here. "
+                "Replace loses what it wrote.", (
+                    Answer("Save as…", lambda: self.save_as(then)), Answer("Replace", lambda: self._write(project, then)),
+                    Answer("Cancel")))  # fmt: skip
+        else:
+            self._write(work.project, then)
+
+    def save_as(self, then: Callable[[], object] = lambda: None) -> None:
+        """Asks for a file, and saves the project in it."""
+        if self._session.scene is None:
+            self._session.notices.toast("Nothing to save yet: open a scan first", instead_of="Nothing to ")
+            return
+        path = self._session.work.project_path
+        name = path.name if path is not None else f"project{SUFFIX}"
+        self._files.save("projects", "Save the project", name, _KIND, lambda chosen: self._write(chosen, then))
+
+    def _write(self, path: Path, then: Callable[[], object]) -> None:
+        session = self._session
+        try:
+            session.work.save_project(path, session.camera, *self._shown)
+        except PointglassError as error:
+            session.notices.ask("The project was not saved", str(error), (
+                Answer("Save as…", lambda: self.save_as(then)), Answer("Cancel")))  # fmt: skip
+        else:
+            session.notices.toast(f"Saved {path}")
+            then()
+
+    def remember(self, picture: np.ndarray | None) -> None:
+        """Puts what is open among the recent scans: the project, or the scans.  picture: as for session.recent."""
+        session = self._session
+        visit, project = session.visit, session.work.project
+        if session.scene is not None and visit.paths and not visit.preview:
+            paths = list(visit.paths) if project is None else [project]
+            remember(paths, self.name, session.scene.count, picture, Viewpoint.of(session.camera, "last view"))
+
+    # -- leaving -----------------------------------------------------------------------------------------------------
+
+    def leave(self, then: Callable[[], object]) -> None:
+        """Calls ``then``, which leaves the work that is open; asks first where it is not saved."""
+        content = self._session.work.content(*self._shown)
+        if not self.changed or self._session.scene is None:
+            then()
+            return
+
+        def give_up() -> None:
+            self._given_up = content
+            then()
+
+        self._session.let_go()
+        self._session.notices.ask(f"Save the changes to {self.name}?", "Discard loses everything since the last save.", (
+            Answer("Save", lambda: self.save(then)), Answer("Discard", give_up), Answer("Cancel")))  # fmt: skip
+
+    def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
+        """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
+        if unfinished:
+            self._session.notices.ask("Close the window?", f"{' '.join(unfinished)} Closing loses it.", (
+                Answer("Go on"), Answer("Close", then)))  # fmt: skip
+        else:
+            then()
+
+    def may_replace(self, loaded: Loaded) -> bool:
+        """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""
+        session = self._session
+        if session.keeps_work(loaded) or not self.changed:
+            return True
+        return self._given_up == session.work.content(*self._shown)
+
+    # -- recovery ----------------------------------------------------------------------------------------------------
+
+    def look_for_offers(self) -> None:
+        """Looks again for unsaved work of windows that are gone."""
+        self.offers = recoverable()
+
+    def _offer(self) -> None:
+        """Offers the unsaved work that belongs to what is open, once."""
+        session, work = self._session, self._session.work
+        if session.scene is None or session.loads.current is not None or session.notices.message is not None:
+            return
+        for found in self.offers:
+            if found.file in self._offered or not found.belongs_to(work.document, work.project):
+                continue
+            self._offered.add(found.file)
+            session.notices.ask(
+                f"Restore unsaved work of {found.unsaved.title}?",
+                f"{found.when}: {found.text}. The window ended before it was saved.", (
+                    Answer("Restore", lambda found=found: self.leave(lambda: self.restore(found))),
+                    Answer("Later"), Answer("Discard", lambda found=found: self.ask_to_discard(found))))  # fmt: skip
+            return
+
+    def restore(self, found: Recoverable) -> None:
+        """Opens the scans of unsaved work with it; it counts as changed."""
+        now = renewed(found)
+        if now is None:
+            self._session.notices.toast("Another window has restored or discarded it")
+            self.look_for_offers()
+            return
+        self._session.open([], recovered=now)
+
+    def ask_to_discard(self, found: Recoverable) -> None:
+        """Removes unsaved work where the person confirms it."""
+        self._session.notices.ask(f"Discard the unsaved work of {found.unsaved.title}?", f"{found.when}: {found.text}.", (
+            Answer("Keep"), Answer("Discard", lambda: self.discard(found))))  # fmt: skip
+
+    def discard(self, found: Recoverable) -> None:
+        """Removes unsaved work."""
+        held = lock(found.file.with_suffix(".lock"))
+        if held is not None:
+            discard(found.file)
+            os.close(held)
+        self.look_for_offers()
+
+    def _take_over(self, found: Recoverable) -> None:
+        """The work is shown: its autosave is this window's own from now on."""
+        try:
+            held = lock(found.file.with_suffix(".lock"))
+        except OSError:
+            held = None
+        if held is not None:
+            self.autosave.adopt(found.file, held)
+        self.offers = [other for other in self.offers if other.file != found.file]

@@ -1,0 +1,175 @@
+"""The visit of a scan: where it begins, what its notices offer, and when the camera stays although the points change.
+
+Frame: file coordinates; up is the direction that the document calls up.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...common.text import printable
+from ...picture.camera import Camera
+from ...work.document import Document, Viewpoint
+from ...work.places.standing_place import standing_view, viewpoint_worth
+from ...work.places.up_axis import turned, upright_axes
+from ...work.project import project_beside
+from ...work.scan_files import FilePart, sample_of_file
+from ..flight.flight import Flight
+from ..flight.navigation import FlyState, view_along
+from ..flight.start_viewpoint import (
+    Survey,
+    brightening,
+    darkness,
+    far_apart,
+    lying,
+    near_survey,
+    speed_in,
+    start_state,
+    state_of,
+)
+from .loading import Loaded, scan_notices
+from .notices import ScanNotice
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+
+
+_GOOD_START = 0.75
+"""Share of the worth of the complete scan's start viewpoint from which on that of its preview is kept.  Chosen by hand."""
+
+
+class Visit:
+    """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
+    start: the camera that the next visit begins with; None: one is chosen (viewer.window.flight.start_viewpoint).
+    resume: the view that the next visit begins with, where the same scan was left at it; Home stays the chosen one."""
+
+    def __init__(self, flight: Flight, start: Camera | None = None):
+        self._flight = flight
+        self.start = start
+        self.resume: Viewpoint | None = None
+        self.scene: Scene | None = None
+        self.paths: tuple[Path, ...] = ()
+        self.preview = False
+        self._seen: Survey | None = None
+        self._inside = False  # whether it began standing in the scan
+        self._chosen = False  # whether its start viewpoint was chosen here, not given
+
+    def continues_with(self, loaded: Loaded) -> bool:
+        """Whether the camera stays where it is when ``loaded`` is shown.
+
+        It does after a scan's preview, and with other colours; but a person who has not moved yet is let into a scan of
+        which the preview showed too little to stand in it.
+        """
+        if loaded.variant:
+            return True
+        stays = self.shows_scan_of(loaded)
+        if stays and loaded.follows_preview and self._flight.at_home and not self._inside:
+            stays = standing_view(loaded.scene, loaded.seen) is None
+        return stays
+
+    def shows_scan_of(self, loaded: Loaded) -> bool:
+        """Whether the scan shown is that of ``loaded``: its preview, or the same files."""
+        if loaded.follows_preview:
+            return self.preview and set(loaded.paths) <= set(self.paths)
+        return self.scene is not None and bool(loaded.paths) and loaded.paths == self.paths
+
+    def variant(self, scene: "Scene") -> Loaded:
+        """The scene shown with other marks, as something loaded that :meth:`continues_with`."""
+        assert self._seen is not None
+        return Loaded(scene, self._seen, self.paths, variant=True)
+
+    def show(self, loaded: Loaded, *, stays: bool) -> None:
+        """``loaded`` is shown from now on.  stays: as :meth:`continues_with` had it."""
+        self._inside = stays and self._inside
+        self.scene, self.paths, self.preview, self._seen = loaded.scene, loaded.paths, loaded.preview, loaded.seen
+        if stays:
+            self._flight.continue_in(loaded.seen)
+
+    def begin(self, document: Document, aspect: float) -> None:
+        """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
+        assert self.scene is not None and self._seen is not None
+        near = near_survey(self._seen)
+        standing = standing_view(self.scene, near, upright_axes(document.up))
+        self._inside = standing is not None
+        state = state_of(standing, near, aspect, document.up)
+        self._chosen = self.start is None and document.view is None
+        if self.start is not None:
+            state, self.start = _at(self.start, state), None
+        if document.view is not None:
+            state = _at(document.view.camera(16, 9), state)
+        self._flight.begin(state, self._seen)
+        resume, self.resume = self.resume, None
+        if document.view is not None:
+            self._flight.field_of_view = document.view.vertical_fov
+        elif resume is not None and self._chosen:  # Home stays the start viewpoint that was chosen here
+            self._chosen = False
+            self._flight.state = _at(resume.camera(16, 9), state)
+            self._flight.field_of_view = resume.vertical_fov
+
+    def mend_start(self, document: Document, aspect: float) -> None:
+        """Flies to the complete scan's start viewpoint where that of its preview is much worse and nobody has moved yet."""
+        if self.scene is None or self._seen is None or not (self._chosen and self._inside and self._flight.at_home):
+            return
+        upright, old = upright_axes(document.up), self._flight.home
+        level, new = turned(self._seen, upright), start_state(self.scene, self._seen, aspect, document.up)
+
+        def worth(state: FlyState) -> float:
+            return viewpoint_worth(level, state.position @ upright, state.forward @ upright)
+
+        if worth(old) < _GOOD_START * worth(new):
+            self._flight.home = new
+            self._flight.glide_to(new)
+
+    def turn_up(self, up: tuple[float, float, float], aspect: float) -> None:
+        """Begins again with another direction that is up."""
+        if self.scene is not None and self._seen is not None:
+            self._flight.begin(start_state(self.scene, self._seen, aspect, up), self._seen)
+
+    def show_file(self, part: FilePart, document: Document, aspect: float) -> bool:
+        """Flies to a view of one file, from outside.  Returns False where too few of its points are known."""
+        seen = None if self.scene is None or self._seen is None else sample_of_file(self.scene, self._seen, part)
+        if seen is None:
+            return False
+        self._flight.glide_to(state_of(None, replace(seen, speed=speed_in(seen)), aspect, document.up))
+        return True
+
+    def end(self) -> None:
+        """No scene is shown any more."""
+        self.scene, self.paths, self.preview = None, (), False
+        self._flight.let_go()
+
+    @property
+    def exposure(self) -> float | None:
+        """Exposure that a dark scan wants, stops; None before the first scan."""
+        return None if self._seen is None else brightening(self._seen)
+
+    def notices(self, document: Document) -> list[ScanNotice]:
+        """What there is to say about the scene, most important first."""
+        assert self.scene is not None and self._seen is not None
+        known = any(" places, " in text for text in self.scene.meta.get("warnings", []))
+        offers = (_project_beside(document), None if known else far_apart(self._seen), darkness(self._seen),
+                  lying(self._seen, document.up))
+        return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
+
+    @property
+    def title(self) -> str:
+        """The scene in a few words."""
+        if self.scene is None:
+            return "pointglass"
+        sources = self.scene.meta.get("sources") or ["points in memory"]
+        return Path(sources[0]).name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
+
+
+def _project_beside(document: Document) -> ScanNotice | None:
+    """An offer of the project that was saved beside a scan, where the scan was opened without it."""
+    if document.view is not None or not document.scans:
+        return None
+    project = project_beside(document)
+    if not project.is_file():
+        return None
+    return ScanNotice(f"{printable(project.name)} beside this scan holds saved work.", f"open {project}", "Open it")
+
+
+def _at(camera: Camera, state: FlyState) -> FlyState:
+    """Where ``camera`` is and looks, at the speed and with the up axis of ``state``."""
+    return view_along(camera.position, camera.view_rotation[2], state.speed, state.upright)

@@ -1,0 +1,167 @@
+"""The work of one window: the document, its history, its project file, and what tools share.
+
+A tool changes the document through :meth:`Work.edit`; whoever draws reads ``document``.  No GL, no imgui.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ...common.errors import InputError
+from ...picture.camera import Camera
+from ...picture.settings import Settings
+from ...render.raster.edits import Edits
+from ...work.document import Document, ScanFile, moved
+from ...work.history import History
+from ...work.pictures.altered_pictures import edits_of
+from ...work.places.pick import Picked
+from ...work.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
+from ...work.reference import with_reference
+from ..interaction.exact_points import ExactPoints
+from ..viewport.photo_layer import ShownPhoto
+from .recovery import Opening, Recoverable, opening_of
+
+
+class Work:
+    """history: of the document.  project: the file it was read from or saved to, else None.
+    shot_scale: times the sides of the picture that F12 saves.
+    tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
+    under_pointer: the measured point under the pointer, None where there is none or something moves.
+    exact_points: picked points whose values are being read from their files.
+    reference_problem: why the assigned reference system cannot be used, None where it can.
+    located: path of a scan in a project -> where a person said it is, None: left out.
+    digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
+    autosave, until somebody takes it over."""
+
+    def __init__(self) -> None:
+        self.history = History(Document())
+        self.project: Path | None = None
+        self.tint = False
+        self.under_pointer: Picked | None = None
+        self.exact_points = ExactPoints()
+        self.photo: ShownPhoto | None = None
+        self.shot_scale = 1
+        self.reference_problem: str | None = None
+        self.located: dict[str, str | None] = {}
+        self.digest = ""
+        self.recovered: Recoverable | None = None
+        self._facts: tuple[dict, tuple[ScanFile, ...], dict] | None = None
+        self._next = Opening(Document())
+        self._saved = Document()
+        self._content: tuple[tuple, Document] | None = None
+
+    @property
+    def document(self) -> Document:
+        """The present state."""
+        return self.history.current
+
+    def facts(self, meta: dict) -> dict:
+        """``Scene.meta`` with the unit and the reference system that the document assigns; ``meta`` where they cannot be used,
+        and :attr:`reference_problem` says why."""
+        scans = self.document.scans
+        if self._facts is None or self._facts[0] is not meta or self._facts[1] != scans:
+            self.reference_problem = None
+            try:
+                found = with_reference(meta, scans)
+            except InputError as error:
+                found, self.reference_problem = meta, str(error)
+            self._facts = meta, scans, found
+        return self._facts[2]
+
+    @property
+    def edits(self) -> Edits:
+        """What the document does to the points that are drawn."""
+        return edits_of(self.document.alterations)
+
+    def edit(self, label: str, gesture: object = None, **changes: object) -> None:
+        """Changes fields of the document as one step that can be undone.  The session draws a new picture where its
+        description differs (Session.spec).  label, gesture: as in History.do."""
+        self.history.do(label, replace(self.document, **changes), gesture)  # type: ignore[arg-type]
+
+    def undo(self) -> str | None:
+        """Takes the last step back.  Returns its label, None where there is none."""
+        return self.history.undo()
+
+    def redo(self) -> str | None:
+        """Does the step again that was undone last; returns as :meth:`undo`."""
+        return self.history.redo()
+
+    @property
+    def opens_other(self) -> bool:
+        """Whether what is being opened has a document of its own: a project or an autosave."""
+        return self._next.project is not None or self._next.recovered is not None
+
+    def begin(self, paths: Sequence[Path], recovered: "Recoverable | None" = None) -> list[Path]:
+        """Scans, or one project, are to be opened, or the scans of an autosave.  Returns the scans to read: of a project those
+        that are visible.
+
+        Raises InputError where a project is damaged, holds no visible scan, or is not alone; MissingScans where scans are not
+        there and nobody has located them.
+        """
+        if recovered is not None:
+            opening = opening_of(recovered)
+            opening = replace(opening, document=relocated(opening.document, self.located))
+            scans = scans_of(opening.project or recovered.file, opening.document)
+            self._next = opening
+            return scans
+        project = project_among(paths)
+        if project is None:
+            self._next = Opening(Document(tuple(ScanFile(str(path)) for path in paths)))
+            return list(paths)
+        digest, saved = digest_of(project), read_project(project)
+        document = relocated(saved, self.located)
+        scans = scans_of(project, document)
+        self._next = Opening(document, project, digest, saved)
+        return scans
+
+    def accept(self) -> Document:
+        """What :meth:`begin` began is shown now.  Returns its document."""
+        opened, self._next = self._next, Opening(Document())
+        self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
+        saved = opened.document if opened.saved is None else opened.saved
+        self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)
+        self.history.do("Restore unsaved work", opened.document)
+        return self.document
+
+    def leave(self) -> None:
+        """No scan is open any more."""
+        self._next = Opening(Document())
+        self.accept()
+
+    def content(self, settings: Settings, background: str) -> Document:
+        """What counts as work: the document without the place of the camera.  Of a project also how it is looked at; a scan
+        that is only looked at has nothing to be saved."""
+        key = self.document, settings, background, self.project
+        if self._content is None or any(a is not b for a, b in zip(self._content[0], key)):
+            document = replace(self.document, view=None)
+            if self.project is not None:
+                document = replace(document, settings=settings, background=background)
+            self._content = key, document
+        return self._content[1]
+
+    def changed(self, settings: Settings, background: str) -> bool:
+        """Whether there is work that is not saved: what would be saved now is not what was opened or saved last."""
+        return self.content(settings, background) != self._saved
+
+    @property
+    def project_path(self) -> Path | None:
+        """Where the project is saved: its file, else beside the first scan; None where no scan is open."""
+        if self.project is not None or not self.document.scans:
+            return self.project
+        return project_beside(self.document)
+
+    def as_saved(self, camera: Camera, settings: Settings, background: str) -> Document:
+        """The document with what the window shows now."""
+        return replace(moved(self.document, camera), settings=settings, background=background)
+
+    @property
+    def changed_on_disk(self) -> bool:
+        """Whether another program has written the project's file since it was read or written here."""
+        return self.project is not None and digest_of(self.project) not in ("", self.digest)
+
+    def save_project(self, path: Path, camera: Camera, settings: Settings, background: str) -> None:
+        """Writes the document with what the window shows now.  Raises InputError naming the file."""
+        document = self.as_saved(camera, settings, background)
+        write_project(path, document)
+        self.history.replace(document)
+        self.project, self.digest, self._saved = path, digest_of(path), replace(document, view=None)

@@ -1,0 +1,79 @@
+"""The window's actions: name in the table of controls (viewer.window.shell.controls) -> what it does."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ...work.project import SUFFIX
+from ..flight.gamepad import SPEED_NOTCHES
+from ..interaction.editing import copy_camera, paste_camera, step
+from ..interaction.fly import Fly
+
+if TYPE_CHECKING:
+    from .app import App
+
+
+def actions(app: "App") -> "dict[str, Callable[[], object]]":
+    """Every action of the window and one per tool that has a key, called ``tool_NAME``."""
+    session, views = app.session, app.session.view_settings
+    table: dict[str, Callable[[], object]] = {
+        "home": session.go_home,
+        "frame": session.frame_scene,
+        "walk": partial(_walk, app),
+        "slower": lambda: session.wheel(-SPEED_NOTCHES),
+        "faster": lambda: session.wheel(SPEED_NOTCHES),
+        "view_raw": lambda: views.show("raw"),
+        "view_filtered": lambda: views.show("filtered"),
+        "view_filled": lambda: views.show("filled"),
+        "view_neural": lambda: views.show("neural"),
+        "split": lambda: views.compare(not views.split),
+        "screenshot": app.save_actions.screenshot,
+        "record": app.save_actions.record,
+        "open": partial(_open_scans, app),
+        "open_folder": partial(_open_folder, app),
+        "demo": partial(_open_demo, app),
+        "close_scan": app.close_scan,
+        "profiler": lambda: setattr(session, "profiler", not session.profiler),
+        "help": lambda: setattr(session, "help", not session.help),
+        "interface": session.show_or_hide_interface,
+        "escape": app.escape,
+        "quit": app.request_close,
+        "undo": partial(step, app.tools, redo=False),
+        "redo": partial(step, app.tools, redo=True),
+        "copy_camera": partial(copy_camera, app.tools),
+        "paste_camera": partial(paste_camera, app.tools),
+        "save": app.projects.save,
+        "save_as": app.projects.save_as,
+    }
+    for tool in app.toolbox.tools:
+        if tool.key:
+            table[f"tool_{tool.name}"] = partial(app.toolbox.select, tool.name, app.tools)
+    return table
+
+
+def _walk(app: "App") -> None:
+    fly = app.toolbox.fly
+    assert isinstance(fly, Fly)
+    fly.walk_mode.toggle(app.tools)
+
+
+def _open_scans(app: "App") -> None:
+    from ...readers.formats import FORMATS
+
+    scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
+    app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,)},
+                   app.open, many=True)
+
+
+def _open_folder(app: "App") -> None:
+    app.files.open_folder("scans", "Open a folder of scans", lambda folder: app.open([folder]))
+
+
+def _open_demo(app: "App") -> None:
+    from ...commands.demo import demo_camera, demo_scan
+    from ...common.errors import InputError
+
+    try:
+        app.open([demo_scan()], demo_camera())
+    except InputError as error:
+        app.session.notices.say("The demo cannot be opened", str(error))

@@ -1,0 +1,319 @@
+"""The window itself: events in, pictures out.  All state that matters lives in the Session.
+
+One loop: events -> session -> a picture, if it changed -> canvas -> interface -> screen.  Where nothing changes,
+nothing is drawn and the loop sleeps until an event.  Nothing in the loop waits for a scan or for the network: both run on
+threads of their own and wake the loop.  Pointer positions arrive in logical pixels; pictures are made in pixels of the
+framebuffer.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.common.process.interrupts import finish_before_interrupt
+from ...picture.settings import MEMORY, Memory, Settings
+from ..file_dialog.choice_window import ChoiceWindow
+from ..file_dialog.file_dialogs import FileDialogs
+from ..flight.gamepad import POLL, STILL, Gamepad
+from ..interaction.table import toolbox
+from ..interaction.tool import ToolContext
+from ..kit.clipboard import SystemClipboard
+from ..kit.glfw_window import make_window
+from ..panels.start_page import StartPage
+from ..saving.save_actions import SaveActions
+from ..session.loading import Loaded, open_scene, preview_scene
+from ..session.missing_scans import MissingScansDialog
+from ..session.project_flow import ProjectFlow
+from ..session.recent import last_view
+from ..session.session import Session
+from ..viewport.viewport import Viewport
+from .actions import actions
+from .input import Input
+from .interface import draw_interface
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ...picture.camera import Camera
+
+SIZE = (1280, 720)
+_SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
+_NAP = 0.5  # seconds of sleep at most while idle
+_BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
+_LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
+_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
+"""Actions that work, or say why they do not, on the start page."""
+_COMPILING_SECONDS = 12.0
+_LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
+
+
+class App:
+    """Owns the window, the interface and the viewport.  toolbox: the tools.  tools: their context.
+
+    size: of the window, logical pixels.  folder: where captures go until a person chooses.
+    scale: of the interface; None: the screen's own.
+    """
+
+    def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
+                 scale: float | None = None, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
+                 start: "Camera | None" = None, columns: str | None = None):
+        from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
+        import glfw  # isort: skip
+
+        self.glfw, self.imgui = glfw, imgui
+        self._scale, self._told = scale, False
+        self.window = make_window(glfw, size)
+        self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
+        try:
+            self._start_graphics()
+        except Exception:
+            glfw.destroy_window(self.window)
+            glfw.terminate()
+            raise
+        self.session = Session(
+            settings, glfw.get_framebuffer_size(self.window), wake=self._tell,
+            open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
+            preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
+        )  # fmt: skip
+        self.files = FileDialogs(self._tell, self._scan_folder)
+        self.choice_window = ChoiceWindow()
+        self.missing_scans = MissingScansDialog()
+        self.start_page = StartPage(self.context)
+        self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
+        self.toolbox = toolbox()
+        self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=lambda on: self.input.set_captured(on))
+        self.tools.clipboard = SystemClipboard(glfw, self.window)
+        self.tools.files = self.files
+        self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
+        self.tools.saves = self.save_actions
+        self.projects = ProjectFlow(self.session, self.files, self._tell)
+        self.tools.save_project = self.projects.save
+        self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
+        self.last_view = last_view
+        self._actions = actions(self)
+        self.input = Input(self)
+        self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
+        self._measure_density()
+
+    @property
+    def asking(self) -> bool:
+        """Whether a file dialog or a question is open, whose keys are its own."""
+        asked = self.files.choice is not None or self.missing_scans.asked is not None
+        return asked and self.session.notices.message is None
+
+    def _scan_folder(self) -> Path | None:
+        """Where the first file of the scan lies; None without one."""
+        paths = self.session.visit.paths
+        return paths[0].absolute().parent if paths else None
+
+    def _follow_gamepad(self) -> None:
+        """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
+        push, actions = self.gamepad.read()
+        session = self.session
+        free = session.scene is not None and session.notices.message is None and not self.asking
+        session.flight.push = push if free else STILL
+        for action in actions:
+            self.wake()
+            session.flight.stop_glide()
+            self.act(action)
+
+    def say_compiling(self, line: str) -> None:
+        """Shows that loops are being compiled.  From any thread."""
+        self.session.notices.toast(f"{line[0].upper()}{line[1:]}", seconds=_COMPILING_SECONDS)
+        self._tell()
+
+    def _tell(self) -> None:
+        """Something is to be shown: progress, a result.  From any thread."""
+        self._told = True
+        self.glfw.post_empty_event()
+
+    def _start_graphics(self) -> None:
+        from ...render.device.context import create_context
+        from ..kit.theme import Theme
+
+        glfw, imgui = self.glfw, self.imgui
+        glfw.make_context_current(self.window)
+        glfw.swap_interval(1)
+        self.context: moderngl.Context = create_context(headless=False)
+        imgui.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename("")
+        imgui.backends.glfw_init_for_opengl(self.address, False)
+        imgui.backends.opengl3_init("#version 430")
+        self.theme = Theme(self.interface_scale())
+
+    def interface_scale(self) -> float:
+        """Interface pixels per logical pixel: the screen's scale, less what the framebuffer already brings."""
+        if self._scale is not None:
+            return self._scale
+        glfw = self.glfw
+        width, drawn = glfw.get_window_size(self.window)[0], glfw.get_framebuffer_size(self.window)[0]
+        ratio = drawn / width if width and drawn else 1.0
+        return float(np.clip(glfw.get_window_content_scale(self.window)[0] / ratio, 0.75, 4.0))
+
+    def wake(self) -> None:
+        """Draws the interface for a few frames: something happened."""
+        self._settle = _SETTLE
+
+    def linger(self) -> None:
+        """Keeps the interface going for a moment: a tooltip waits, a dialog fades in."""
+        self._awake_until = perf_counter() + _LINGER
+
+    def act(self, action: str) -> None:
+        """Does what a control asks for, by its name in the table.  On the start page only what can be seen there acts."""
+        if self.session.scene is not None or action in _WITHOUT_SCENE:
+            self._actions[action]()
+
+    def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
+        """Opens scans or a project instead of what is open, once that is saved or given up."""
+        view = self.last_view(paths) if start is None else None
+        self.projects.leave(lambda: self.session.open(paths, start, view=view))
+
+    def close_scan(self) -> None:
+        """Back to the start page, once the work is saved or given up."""
+        self.projects.leave(self._close_scan)
+
+    def _close_scan(self) -> None:
+        self._remember_scan()
+        self.session.close_scene()
+        self.viewport.clear()
+        self.start_page.renew()
+        self.projects.look_for_offers()
+
+    def _remember_scan(self) -> None:
+        """Puts the scan that is being left among the recent ones, with the picture on the screen."""
+        self.projects.remember(self.viewport.shown_picture())
+
+    def _measure_density(self) -> None:
+        width = self.glfw.get_window_size(self.window)[0]
+        area = self.session.area
+        area.density = area.window_size[0] / width if width and area.window_size[0] else 1.0
+
+    def escape(self) -> None:
+        """Lets go of the pointer, or closes one thing."""
+        imgui, message = self.imgui, self.session.notices.message
+        if self.toolbox.holding or self.session.dragging_handle:
+            self.input.release_pointer()
+        elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
+            imgui.internal.close_popups_except_modals()
+        elif message is None and not self.session.help and self.toolbox.active is not self.toolbox.fly:
+            self.toolbox.select(self.toolbox.fly.name, self.tools)
+        else:
+            self.session.escape()
+
+    def request_close(self) -> None:
+        """Closes the window, once the work is saved or given up."""
+        self.wake()
+        self.glfw.set_window_should_close(self.window, False)  # GLFW sets it before it tells
+        if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.changed:
+            self.glfw.restore_window(self.window)  # the question must be seen
+        end = partial(self.projects.end, self.toolbox.unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
+        self.projects.leave(end)
+
+    # -- the loop ----------------------------------------------------------------------------------------------------
+
+    @property
+    def closing(self) -> bool:
+        return bool(self.glfw.window_should_close(self.window))
+
+    def step(self, *, wait: bool = True) -> None:
+        """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
+        glfw, session = self.glfw, self.session
+        arriving = self.viewport.note_arrivals()
+        if self.viewport.finish_network():
+            self.wake()
+        change = session.next_change()
+        loading = session.loads.current is not None or session.view_settings.network_load is not None
+        stirring = loading or self.files.polls or perf_counter() < self._awake_until
+        busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0 or session.notices.answered
+        with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
+            if wait and (not busy or min(session.area.window_size) == 0):
+                nap = POLL if self.gamepad.connected else _NAP
+                glfw.wait_events_timeout(_BREATH if stirring else min(nap, change or nap))
+            else:
+                glfw.poll_events()
+        if self._told:
+            self._told, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
+        if self.gamepad.connected:
+            self._follow_gamepad()
+        message = session.notices.message
+        session.notices.take_answer()
+        if self.files.poll():
+            self.wake()
+        self.missing_scans.follow(self)
+        if (loaded := session.poll()) is not None:
+            self._upload(loaded)
+        if session.notices.message is not message:
+            self.linger()
+        self.toolbox.follow(self.tools)
+        self.save_actions.follow()
+        self.projects.follow()
+        if self.projects.title != self._title:
+            self._title = self.projects.title
+            glfw.set_window_title(self.window, self._title)
+        if session.advance():
+            self.wake()
+        if stirring:
+            self._settle = max(self._settle, 1)
+        if min(session.area.window_size) == 0:
+            return
+        self._measure_density()
+        session.arrange(self.theme.scale)
+        painted: float | None = None
+        if session.screen.needs_picture:
+            self.viewport.paint()
+            painted = perf_counter()
+            self._settle = max(self._settle, 1)
+            stats = session.picture.stats
+            if stats is not None and stats["total_ms"] > _LONG:
+                draw_interface(self, shown=False)
+        elif not session.flight.moving:
+            self.viewport.settle()
+        if self._settle > 0 or not wait:
+            self._settle = max(0, self._settle - 1)
+            self._draw()
+            if len(self.imgui.get_current_context().input_events_queue):  # imgui takes a key or two a frame
+                self._settle = max(self._settle, 1)
+            glfw.swap_buffers(self.window)
+            if painted is not None and session.flight.moving and self.viewport.shares_processors:
+                session.picture.adaptive_lod.spent_outside((perf_counter() - painted) * 1e3)
+
+    def _upload(self, loaded: Loaded) -> None:
+        self.wake()
+        if not self.projects.may_replace(loaded):  # the work was changed since the person was asked
+            if not loaded.preview:
+                self.projects.leave(lambda: self._upload(loaded))
+            return
+        if loaded.paths != self.session.visit.paths:
+            self._remember_scan()
+        self.viewport.upload(loaded)
+
+    def _draw(self) -> None:
+        """Draws the picture and the interface on the canvas, and copies that to the screen."""
+        canvas = self.viewport.show()
+        draw_interface(self)
+        canvas.to_screen()
+
+    def close(self) -> None:
+        """Ends everything; a recording under way is saved."""
+        if self.session.recording is not None:
+            self.save_actions.record()
+        self._remember_scan()
+        self.projects.close()
+        self.save_actions.close()
+        self.toolbox.close()
+        self.gamepad.close()
+        self.session.close()
+        self.start_page.release()
+        self.viewport.release()
+        imgui = self.imgui
+        imgui.backends.opengl3_shutdown()
+        imgui.backends.glfw_shutdown()
+        imgui.destroy_context()
+        self.glfw.destroy_window(self.window)
+        self.glfw.terminate()

@@ -1,0 +1,272 @@
+"""Input: GLFW's callbacks, given to imgui first and then, where imgui has no use for them, to the tools and the session.
+
+Pointer positions arrive in logical pixels from the window's top left; tools receive pixels of the picture.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
+from ..session.session import Session
+from .controls import Control, by_chord, by_key
+
+if TYPE_CHECKING:
+    from ..kit.theme import Theme
+
+_GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+_CLICK = 4.0  # logical pixels that the pointer may move between press and release of a click
+_DOUBLE_CLICK = 0.35  # seconds between the two releases of a double click
+
+
+class Host(Protocol):
+    """What the callbacks need of the owner of the window.  window: GLFW's handle.  address: the same as a number."""
+
+    glfw: Any
+    imgui: Any
+    window: Any
+    address: int
+    session: Session
+    theme: "Theme"
+    toolbox: Toolbox
+    tools: ToolContext
+
+    @property
+    def asking(self) -> bool: ...  # whether a question or a file dialog is open that takes all keys
+    def wake(self) -> None: ...
+    def linger(self) -> None: ...
+    def act(self, action: str) -> None: ...
+    def open(self, paths: Sequence[Path]) -> None: ...
+    def request_close(self) -> None: ...
+    def interface_scale(self) -> float: ...
+
+
+class Input:
+    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds."""
+
+    def __init__(self, host: Host, clock: Callable[[], float] = perf_counter):
+        self._host, self._clock = host, clock
+        self.pointer = (0.0, 0.0)
+        glfw = host.glfw
+        self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in by_key().items()}
+        self._chords = by_chord()
+        self._key_names = {
+            value: name.removeprefix("KEY_") for name, value in vars(glfw).items() if name.startswith("KEY_")
+        }  # fmt: skip
+        self._modifier_keys: dict[int, int] = {
+            getattr(glfw, f"KEY_{side}_{name}"): getattr(glfw, f"MOD_{name}")
+            for side in ("LEFT", "RIGHT") for name in ("SHIFT", "CONTROL", "ALT")
+        }  # fmt: skip
+        self._buttons: dict[int, Literal["left", "right", "middle"]] = {
+            glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_RIGHT: "right", glfw.MOUSE_BUTTON_MIDDLE: "middle",
+        }  # fmt: skip
+        self._button: Literal["", "left", "right", "middle"] = ""
+        self._modifiers = Modifiers()
+        self._travelled = 0.0
+        self._last_click = (-1.0, "", (0.0, 0.0))  # when, with which button, where
+        self._connect()
+
+    def _connect(self) -> None:
+        glfw, window = self._host.glfw, self._host.window
+        glfw.set_key_callback(window, self.on_key)
+        glfw.set_char_callback(window, self.on_char)
+        glfw.set_cursor_pos_callback(window, self.on_pointer)
+        glfw.set_cursor_enter_callback(window, self.on_enter)
+        glfw.set_mouse_button_callback(window, self.on_button)
+        glfw.set_scroll_callback(window, self.on_scroll)
+        glfw.set_drop_callback(window, self.on_drop)
+        glfw.set_window_focus_callback(window, self.on_focus)
+        glfw.set_framebuffer_size_callback(window, self.on_resize)
+        glfw.set_window_content_scale_callback(window, self.on_scale)
+        glfw.set_window_close_callback(window, lambda _: self._host.request_close())
+        glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
+
+    # -- keyboard ----------------------------------------------------------------------------------------------------
+
+    def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
+        host = self._host
+        glfw, imgui = host.glfw, host.imgui
+        host.wake()
+        if action == glfw.PRESS:
+            host.session.flight.stop_glide()
+        self._note_modifiers(mods, key, action)
+        imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
+        typing = imgui.get_io().want_text_input or host.asking
+        name, chord = self._chord(key, scancode, action, mods)
+        if chord is not None and chord.everywhere:
+            if action == glfw.PRESS:
+                host.act(chord.action)
+            return
+        control = self._by_key.get(key)
+        if control is not None and control.kind in ("hold", "modifier"):
+            if action == glfw.RELEASE:
+                host.session.flight.held.discard(control.action)
+            elif action == glfw.PRESS and not typing and not mods & glfw.MOD_CONTROL and host.session.scene is not None:
+                host.session.flight.held.add(control.action)
+            return
+        if typing:
+            return
+        if host.session.scene is not None and host.session.notices.message is None:
+            kinds: dict[int, Literal["press", "release", "repeat"]] = {
+                glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
+            }  # fmt: skip
+            if host.toolbox.key_event(KeyEvent(name, kinds[action], self._modifiers), host.tools):
+                return
+            if chord is not None:
+                host.act(chord.action)
+                return
+        if control is not None and action == glfw.PRESS and not mods & glfw.MOD_CONTROL:
+            host.act(control.action)
+
+    def _chord(self, key: int, scancode: int, action: int, mods: int) -> tuple[str, Control | None]:
+        """The name of a key and, where it is pressed or repeated, the chord that it makes with the keys held.
+
+        With Ctrl a letter is named as this keyboard prints it, where it prints a Latin one; else by its place.
+        """
+        glfw, name = self._host.glfw, self._key_names.get(key, "")
+        if not mods & glfw.MOD_CONTROL:
+            return name, None
+        printed = (glfw.get_key_name(key, scancode) or "").upper()
+        if len(printed) == 1 and "A" <= printed <= "Z":
+            name = printed
+        if action == glfw.RELEASE or mods & (glfw.MOD_ALT | glfw.MOD_SUPER):
+            return name, None
+        return name, self._chords.get(f"CTRL_{'SHIFT_' if mods & glfw.MOD_SHIFT else ''}{name}")
+
+    def on_char(self, _window, character: int) -> None:
+        self._host.imgui.backends.glfw_char_callback(self._host.address, character)
+
+    def _note_modifiers(self, mods: int, key: int | None = None, action: int = 0) -> None:
+        """mods: GLFW's.  key, action: the key whose event it is; X11 leaves a modifier out of the event of its own key."""
+        glfw = self._host.glfw
+        own = self._modifier_keys.get(key, 0) if key is not None else 0
+        mods = mods & ~own if action == glfw.RELEASE else mods | own
+        self._modifiers = Modifiers(bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL), bool(mods & glfw.MOD_ALT))
+
+    # -- pointer -----------------------------------------------------------------------------------------------------
+
+    def on_enter(self, _window, entered: int) -> None:
+        self._host.wake()
+        self._host.imgui.backends.glfw_cursor_enter_callback(self._host.address, entered)
+        if not entered:
+            self._host.session.pointer = None
+            self._tool("leave")
+
+    def on_pointer(self, _window, x: float, y: float) -> None:
+        host = self._host
+        host.imgui.backends.glfw_cursor_pos_callback(host.address, x, y)
+        delta = (x - self.pointer[0], y - self.pointer[1])
+        self.pointer = (x, y)
+        self._travelled += abs(delta[0]) + abs(delta[1])
+        host.wake()
+        over_interface = host.imgui.get_io().want_capture_mouse
+        if over_interface:
+            host.linger()
+        if host.session.dragging_handle:
+            host.session.move_split(self.position[0])
+        elif host.session.scene is not None and (not over_interface or host.toolbox.holding):
+            host.session.pointer = self.position
+            self._tool("move", delta=delta)
+        else:
+            host.session.pointer = None
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """The pointer in pixels of the picture."""
+        session = self._host.session
+        left, top = session.area.origin
+        return self.pointer[0] * session.area.density - left, self.pointer[1] * session.area.density - top
+
+    def _tool(self, kind: Literal["press", "release", "move", "wheel", "leave"], *, delta: tuple[float, float] = (0.0, 0.0),
+              clicks: int = 0, notches: float = 0.0) -> None:
+        event = PointerEvent(kind, self.position, delta, self._button, clicks, notches, self._modifiers)
+        self._host.toolbox.pointer(event, self._host.tools)
+
+    def on_button(self, _window, button: int, action: int, mods: int) -> None:
+        host = self._host
+        glfw, session = host.glfw, host.session
+        host.wake()
+        if action == glfw.PRESS:
+            session.flight.stop_glide()
+        self._note_modifiers(mods)
+        host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
+        if button not in self._buttons:
+            return
+        name = self._buttons[button]
+        if action == glfw.RELEASE:
+            if name == self._button:
+                self._release(name)
+        elif not self._button and not host.imgui.get_io().want_capture_mouse and session.scene is not None:
+            self._button, self._travelled = name, 0.0
+            if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
+                session.dragging_handle = True
+            else:
+                self._tool("press")
+
+    def _release(self, name: str) -> None:
+        now, clicks = self._clock(), 0
+        if self._travelled <= _CLICK:
+            before, button, place = self._last_click
+            near = abs(self.pointer[0] - place[0]) + abs(self.pointer[1] - place[1]) <= _CLICK
+            clicks = 2 if button == name and near and now - before <= _DOUBLE_CLICK else 1
+            self._last_click = (now, name if clicks == 1 else "", self.pointer)
+        if not self._host.session.dragging_handle:
+            self._tool("release", clicks=clicks)
+        self._host.session.dragging_handle, self._button = False, ""
+
+    def release_pointer(self) -> None:
+        """Ends a drag that is under way."""
+        self._host.toolbox.release(self._host.tools)
+        self._host.session.dragging_handle, self._button = False, ""
+
+    def set_captured(self, captured: bool) -> None:
+        """Hides the pointer and lets it move without end, or shows it where it was hidden."""
+        glfw, window = self._host.glfw, self._host.window
+        glfw.set_input_mode(window, glfw.CURSOR, glfw.CURSOR_DISABLED if captured else glfw.CURSOR_NORMAL)
+        self.pointer = glfw.get_cursor_pos(window)  # the next event counts from here
+
+    @property
+    def over_handle(self) -> bool:
+        """Whether the pointer is on the line of a comparison."""
+        session = self._host.session
+        at = session.view_settings.split_at * session.area.size[0]
+        grip = _GRIP * self._host.theme.scale * session.area.density
+        x, y = self.position
+        return session.view_settings.split and abs(x - at) <= grip and 0 <= y < session.area.size[1]
+
+    def on_scroll(self, _window, dx: float, dy: float) -> None:
+        host = self._host
+        host.wake()
+        host.imgui.backends.glfw_scroll_callback(host.address, dx, dy)
+        if not host.imgui.get_io().want_capture_mouse and host.session.scene is not None:
+            self._tool("wheel", notches=dy)
+
+    # -- window ------------------------------------------------------------------------------------------------------
+
+    def on_drop(self, _window, paths: list[str]) -> None:
+        self._host.wake()
+        if paths:
+            self._host.open([Path(path) for path in paths])
+
+    def on_focus(self, _window, focused: int) -> None:
+        self._host.wake()
+        self._host.imgui.backends.glfw_window_focus_callback(self._host.address, focused)
+        if not focused:
+            self.release_pointer()
+            self._host.session.let_go()
+
+    def on_resize(self, _window, width: int, height: int) -> None:
+        self._host.wake()
+        self._host.session.resize((width, height))
+
+    def on_scale(self, _window, _x: float, _y: float) -> None:
+        self._host.theme.rescale(self._host.interface_scale())
+        self._host.wake()
+
+    def key_name(self, control: Control) -> str:
+        """What this keyboard prints on a letter's key; the table's name otherwise."""
+        if len(control.name) != 1 or not control.name.isalpha():
+            return control.name
+        key = getattr(self._host.glfw, f"KEY_{control.keys[0]}")
+        return (self._host.glfw.get_key_name(key, 0) or control.name).upper()

@@ -1,0 +1,71 @@
+"""Draws one frame of the interface: start page, overlays of the tools, panels, status bar, notices, dialogs, in this order."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..kit.overlay import OverlayCanvas
+from ..panels import dialogs, hud
+from ..panels.look_panel import draw_look_panel
+from ..panels.scenes_panel import draw_scenes_panel
+from ..panels.status_bar import draw_status_bar
+from ..panels.view_switch import draw_view_switch
+
+if TYPE_CHECKING:
+    from .app import App
+
+_CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
+"""A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
+
+
+def draw_interface(app: "App", *, shown: bool = True) -> None:
+    """One frame of the interface.
+
+    shown: draw it, too, and not only lay it out: imgui sizes a window by its text in the frame before.
+    """
+    imgui, session, look = app.imgui, app.session, app.theme
+    imgui.backends.opengl3_new_frame()
+    imgui.backends.glfw_new_frame()
+    imgui.new_frame()
+    over = app.input.over_handle and not imgui.get_io().want_capture_mouse
+    if over or session.dragging_handle:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+    elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
+        imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[app.toolbox.active.cursor]))
+    if session.scene is None and session.loads.current is None and not session.help:
+        app.start_page.draw(app, look)
+    if session.interface and session.scene is not None:
+        _overlays(app)
+        picked = session.work.under_pointer
+        session.point = None if picked is None else np.array(picked.position)
+        hud.draw_handle(session, look, hovered=over)
+        draw_scenes_panel(app, look)
+        draw_look_panel(session, look)
+        draw_status_bar(session, look, fps=app.viewport.frame_rate)
+        if not session.help:  # which covers the middle of the picture
+            draw_view_switch(session, look)
+            hud.draw_profiler(session, look, fps=app.viewport.frame_rate)
+            hud.draw_recording(session, look)
+            hud.draw_lost(session, look)
+    hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
+    dialogs.draw_help(session, look, app.input.key_name)
+    dialogs.draw_load(session, look)
+    message = session.notices.message is not None
+    app.missing_scans.draw(app, look, covered=message or app.files.choice is not None)
+    app.choice_window.draw(app.files, look, covered=message)
+    dialogs.draw_message(session, look)
+    imgui.render()
+    if shown:
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+
+def _overlays(app: "App") -> None:
+    """Draws the overlays and the selected tool's marks over the picture."""
+    session = app.session
+    left, top, width, height = (length / session.area.density for length in (*session.area.origin, *session.area.size))
+    area = (left, top, width, height)
+    overlay = OverlayCanvas(app.imgui.get_background_draw_list(), session.camera, app.theme, area)
+    try:
+        app.toolbox.draw(overlay, app.tools)
+    finally:
+        overlay.end()

@@ -1,0 +1,48 @@
+"""Opens the window, and runs its loop until it is closed."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....model.common.loop_cache import NOTICE
+from ...picture.settings import MEMORY, Memory, Settings
+from ..session.preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
+from .app import App
+from .warm_up import WarmUp
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+
+
+def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
+        start: "Camera | None" = None, columns: str | None = None) -> int:
+    """Opens the window on ``paths`` (none: the start page) until it is closed.  Returns the exit code, 0.
+
+    cache: whether grids are kept for the next time.  match: give scans the same exposure.  memory: what points may take.
+    columns: of text files.  start: the first camera; None: one is chosen (viewer.window.flight.start_viewpoint).
+    Raises DeviceError where there is no display or no OpenGL 4.3.
+    """
+    kept = read_preferences()
+    settings = with_preferences(settings, kept, sys.argv[1:])
+    neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
+    first = replace(settings, view="filled") if neural_later else settings
+    app = App(first, size=(kept.width, kept.height), cache=cache, match=match, memory=memory, start=start, columns=columns)
+    take_preferences(app.session, kept)
+    NOTICE.tell = app.say_compiling
+    try:
+        if paths:
+            app.open(paths)
+        else:
+            WarmUp()  # while the start page is shown
+        while not app.closing:
+            app.step()
+            if neural_later and app.session.picture.made is not None:
+                neural_later = False
+                if app.session.screen.drawn == ("filled",) and app.session.work.project is None:  # else another was chosen
+                    app.act("view_neural")
+    finally:
+        if (now := preferences_of(app.session)) is not None:
+            write_preferences(now)
+        app.close()
+    return 0

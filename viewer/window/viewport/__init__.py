@@ -1,0 +1,1 @@
+"""The picture in the window: which one is wanted, which is shown, and how it is refined."""

@@ -1,0 +1,318 @@
+"""The viewport: the renderer of the scene, the last picture it made, and the canvas on which that is shown.
+
+Owns GL objects and knows no window.  The session plans the pictures; the interface is drawn on the canvas later.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...common.errors import DeviceError, DeviceLostError, PointglassError
+from ...picture.background import composite
+from ...picture.settings import Memory, Settings
+from ...render.culling.occlusion import Occlusion
+from ...render.passes.develop import DevelopedViews, read_picture
+from ...render.raster.points import UPLOAD_SECONDS
+from ...work.pictures.altered_pictures import edits_of
+from ..kit.frame_rate import FrameRate
+from ..session.loading import Loaded
+from ..session.session import Session
+from .adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
+from .photo_layer import PhotoLayer
+from .present import Canvas, split_column
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+    from ...render.frame import Frame
+    from ...render.renderer import Renderer
+    from ...work.pictures.picture_spec import PictureSpec
+    from .picture_plan import Plan
+
+_NO_MEMORY = "not enough memory for its points"
+_KEPT_SIZES = 2  # internal resolutions besides the last one: they change while the camera moves
+_UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
+
+
+def scaled(camera: "Camera", scale: float) -> "Camera":
+    """The same view with sides of ``scale`` times the pixels."""
+    if scale == 1.0:
+        return camera
+    return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+
+
+class Viewport:
+    """Makes the pictures that a session plans, and reports how they were made and what they cost.
+
+    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none; frame_camera: its camera.
+    context: the window's.  canvas: what the window shows, None until something was shown.
+    memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
+    """
+
+    def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
+        from ...render.device.shader import Programs
+
+        self.context, self._session, self._memory, self._wake = context, session, memory, wake
+        self._programs = Programs(context)
+        self._views = DevelopedViews(self._programs)
+        self._photos = PhotoLayer(context)
+        self.renderer: Renderer | None = None
+        self.canvas: Canvas | None = None
+        self.frame: Frame | None = None
+        self.frame_camera: Camera | None = None
+        self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
+        self._shown: tuple[str, ...] = ()
+        self._seen = Occlusion()
+        self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
+        self._problem: str | None = None
+        self._rate = FrameRate()
+
+    def upload(self, loaded: Loaded) -> bool:
+        """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
+        try:
+            renderer = self._made(loaded.scene)
+        except (PointglassError, MemoryError) as error:
+            self._session.notices.say("This scan cannot be shown", str(error) or _NO_MEMORY)
+            return False
+        if self.renderer is not None:
+            self.renderer.release()
+        self._forget(renderer)
+        self._session.picture.adaptive_lod.target_ms = TARGET_CPU_MS if renderer.device.software else TARGET_GPU_MS
+        self._session.accept(loaded)
+        self._rate.clear()
+        return True
+
+    def _made(self, scene: "Scene") -> "Renderer":
+        """A new renderer: beside the present one or, where the device has no memory for both, in its place.  Where there is no
+        memory for this scene alone, the previous renderer is made again."""
+        try:
+            renderer = self._new(scene)
+        except (DeviceError, MemoryError):
+            if self.renderer is None:
+                raise
+        else:
+            if self.renderer is None or not renderer.pages.short:
+                return renderer
+            renderer.release()
+        before = self.renderer.scene
+        self.renderer.release()
+        self._forget(None)
+        try:
+            return self._new(scene)
+        except (PointglassError, MemoryError):
+            self._forget(self._new(before))
+            self._session.picture.dirty = True
+            raise
+
+    def _new(self, scene: "Scene") -> "Renderer":
+        from ...render.renderer import Renderer
+
+        return Renderer(self.context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
+
+    def _forget(self, renderer: "Renderer | None") -> None:
+        """Uses another renderer, which has made no picture yet."""
+        self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+        self._photos.clear()
+        self._points_read = None
+
+    def clear(self) -> None:
+        """Releases the scene; the canvas shows the background."""
+        if self.renderer is not None:
+            self.renderer.release()
+        self._forget(None)
+        self._rate.clear()
+
+    def note_arrivals(self) -> bool:
+        """At rest (a moving picture does this itself): uploads points that have arrived; the picture is made again if it waited
+        for them, else they are prefetched.  Returns whether more are ready for the next call."""
+        if self.renderer is None or self._session.flight.moving:
+            return False
+        pages = self.renderer.pages
+        if not (pages.arrived or pages.idle):
+            return False
+        self._session.picture.dirty |= pages.pending
+        try:
+            return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
+        except (PointglassError, MemoryError) as error:
+            self._untold = None
+            self._session.failed(str(error) or _NO_MEMORY)
+            return False
+
+    @property
+    def shares_processors(self) -> bool:
+        """Whether pictures are drawn by the processors that also run the interface and, without CUDA, the network."""
+        return self.renderer is not None and self.renderer.device.software
+
+    def paint(self) -> None:
+        """Makes the picture that the session plans now."""
+        session, renderer = self._session, self.renderer
+        if renderer is None:
+            return
+        session.picture.contended = self.shares_processors and renderer.network_busy
+        plan, spec = session.screen.plan, session.spec
+        views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
+        self.frame_camera = scaled(spec.camera, plan.scale)
+        try:
+            self.frame = renderer.render(
+                self.frame_camera, self._settings(plan, spec), self._with_measured(views, spec),
+                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
+                edits=edits_of(spec.alterations),
+            )  # fmt: skip
+        except DeviceLostError:
+            raise  # ends the window with its message and exit code 3
+        except (PointglassError, MemoryError) as error:
+            self.frame = self._untold = None
+            session.failed(str(error) or _NO_MEMORY)
+            return
+        self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
+        self._rate.add(perf_counter())
+        self._tell(plan, self.frame)
+        self._points_read = None
+        session.lost = self._empty(self.frame, plan)
+        if (problem := renderer.pages.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                session.notices.say("A part of this scan cannot be read", problem)
+
+    def _settings(self, plan: "Plan", spec: "PictureSpec") -> Settings:
+        """The settings described, with what the plan leaves out."""
+        return replace(spec.settings, lod=plan.level, quality=plan.network or spec.settings.quality)
+
+    def _with_measured(self, views: tuple[str, ...], spec: "PictureSpec") -> tuple[str, ...]:
+        """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
+        more = ("filtered",) if spec.tint or (spec.alterations.lock_measured and "neural" in views) else ()
+        return tuple(dict.fromkeys((*views, *more)))
+
+    def _empty(self, frame: "Frame", plan: "Plan") -> bool:
+        """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
+        if plan.moving:
+            return False
+        return not frame.facts["points_missing"] and not np.isfinite(frame.depth()).any()
+
+    def measured_point(self, position: tuple[float, float] | None) -> np.ndarray | None:
+        """(3,) file coordinates: the nearest measured surface at a position in pixels of the picture, at rest; else None."""
+        frame, session = self.frame, self._session
+        if position is None or frame is None or session.flight.moving or session.screen.needs_picture:
+            return None
+        column, row = int(np.floor(position[0])), int(np.floor(position[1]))
+        texture = frame.depth_texture
+        if texture.size != session.area.size or not (0 <= column < texture.width and 0 <= row < texture.height):
+            return None
+        if self._points_read is None:
+            self._points_read = frame.depth()
+        depth = float(self._points_read[row, column])
+        return session.camera.unproject([(column + 0.5, row + 0.5)], depth)[0] if np.isfinite(depth) else None
+
+    def finish_network(self) -> bool:
+        """Shows the neural view of the last picture if its network has ended since.  Returns whether it did."""
+        plan, frame, renderer = self._session.picture.pending, self.frame, self.renderer
+        if plan is None or frame is None or renderer is None or self._session.screen.needs_picture:
+            return False
+        try:
+            if not renderer.finish_network(frame):
+                return False
+        except DeviceLostError:
+            raise
+        except PointglassError as error:
+            self.frame = self._untold = None
+            self._session.failed(str(error))
+            return True
+        self._shown = plan.views
+        stats = frame.stats
+        self._session.completed(stats["approximations"], stats)
+        return True
+
+    def _tell(self, plan: "Plan", frame: "Frame") -> None:
+        """Reports a picture and its cost to the session.  While the camera moves on a GPU, the cost is reported with the next
+        picture, so that the GPU never waits for a query."""
+        self.settle()
+        if plan.moving and self.renderer is not None and not self.renderer.device.software:
+            facts = frame.facts
+            self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
+            self._untold = plan, frame
+            return
+        stats, pending = frame.stats, "network_pending" in frame.facts
+        if not pending:
+            self._session.drew(plan, stats)
+            return
+        self._session.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"],
+                            shown=self._shown, pending=True)
+        self._session.learn(plan, stats)
+
+    def settle(self) -> None:
+        """Reports the cost of the last picture of a movement."""
+        before, self._untold = self._untold, None
+        if before is not None:
+            self._session.learn(before[0], before[1].stats)
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Pictures a second while something moves; None at rest."""
+        return self._rate.per_second if self._session.flight.moving else None
+
+    def show(self) -> Canvas:
+        """The last picture in its place, or the background where there is none, on a canvas of the window's size."""
+        session, chosen = self._session, self._session.view_settings
+        if self.canvas is None or self.canvas.size != session.area.window_size:
+            if self.canvas is not None:
+                self.canvas.release()
+            self.canvas = Canvas(self.context, self._programs, session.area.window_size)
+        area = (*session.area.origin, *session.area.size)
+        sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
+        column = split_column(chosen.split_at, session.area.size[0])
+        self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
+        return self.canvas
+
+    def _developed(self, view: str) -> "moderngl.Texture":
+        """A view of the last picture as the look, the tint and the lock of its description have it."""
+        spec, photo = self._session.picture.spec, self._session.work.photo
+        assert self.frame is not None and spec is not None
+        altered = spec.alterations
+        made = self._views.texture(self.frame, view, altered.look, tint=spec.tint, lock=altered.lock_measured)
+        if photo is None or self.renderer is None:
+            return made
+        return self._photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene)
+
+    def shown_picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
+        if self.frame is None or not self._shown:
+            return None
+        try:
+            return composite(read_picture(self._developed(self._shown[-1])), self._session.view_settings.background)
+        except Exception:  # a lost context has no picture; this is only a thumbnail
+            return None
+
+    def full_picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
+
+        Raises PointglassError where it cannot be made.
+        """
+        session = self._session
+        if self.renderer is None or min(session.area.size) == 0:
+            return None
+        plan, spec = session.screen.full_plan, session.spec
+        sides, background = spec.views, spec.background
+        if self.frame is not None and session.screen.exact:
+            frame = self.frame
+        else:
+            frame = self.renderer.render(spec.camera, spec.settings, self._with_measured(sides, spec),
+                                         edits=edits_of(spec.alterations))
+            self.frame, self.frame_camera, self._shown = frame, spec.camera, sides
+            self._tell(plan, frame)
+        images = [read_picture(self._developed(view)) for view in sides]
+        image = composite(images[0], background)
+        if len(sides) == 2:
+            column = split_column(spec.split_at, session.area.size[0])
+            image[:, column:] = composite(images[1], background)[:, column:]
+        return image
+
+    def release(self) -> None:
+        for owned in (self.renderer, self.canvas, self._views, self._photos, self._programs):
+            if owned is not None:
+                owned.release()
+        self.renderer = self.canvas = None

@@ -1,0 +1,1 @@
+"""Cameras from and to files of other programs, and paths through keyframes."""

@@ -1,0 +1,135 @@
+"""Cameras from files: nerfstudio, COLMAP and TUM trajectories, told apart by name and content.
+
+Whatever a file's own axes, what comes back is :class:`viewer.picture.camera.Camera`: OpenGL camera axes, camera to world, the
+scan's coordinates.  Distortion is refused, never ignored.  Every error is one line with file, frame and value.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...common.errors import InputError
+from ...common.file_names import unique_names
+from ...common.files import write_json
+from ...picture.camera import Camera
+from ...readers.formats import refuse_address
+from .colmap import find_model, read_text_model
+from .colmap_binary import read_binary_model
+from .nerfstudio import read_json
+from .parse import read_text, shown
+from .tum import read_tum
+
+_UNDISTORTED = ("nerfstudio/transforms_undistorted.json", "dslr/nerfstudio/transforms_undistorted.json")  # of ScanNet++
+_TRANSFORMS = ("transforms.json", "nerfstudio/transforms.json", "dslr/nerfstudio/transforms.json")
+
+
+def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Camera]:
+    """All cameras of a file, or of a COLMAP folder, in its order, with names that are safe and unique as file names.
+
+    size: width and height that every camera is resized to; for formats that hold none, the size itself.
+    Raises InputError.
+    """
+    path = Path(path)
+    with np.errstate(all="ignore"):  # what overflows is refused in words, not warned about
+        cameras = _read(path, size)
+    if not cameras:
+        raise InputError(f"{path}: holds no cameras")
+    if size is not None:
+        try:
+            cameras = [camera.resized(*size) for camera in cameras]
+        except InputError as error:
+            raise InputError(f"{path}: at size {size[0]}x{size[1]}: {error}") from None
+    return _named(cameras)
+
+
+def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
+    refuse_address(path)
+    if path.is_dir():
+        undistorted = next((path / place for place in _UNDISTORTED if (path / place).is_file()), None)
+        folder = find_model(path) if undistorted is None else None
+        if folder is None:
+            if beside := undistorted or next((path / place for place in _TRANSFORMS if (path / place).is_file()), None):
+                return read_json(beside, size)
+            raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in "
+                             "this folder")  # fmt: skip
+        return _read_colmap(folder)
+    if not path.is_file():
+        raise InputError(f"{path}: no such camera file")
+    if path.name in ("images.txt", "cameras.txt", "images.bin", "cameras.bin"):
+        return _read_colmap(path.parent)
+    if path.suffix.lower() == ".json" or read_text(path).lstrip()[:1] in ("{", "["):
+        return read_json(path, size)
+    return read_tum(path, size)
+
+
+def _read_colmap(folder: Path) -> list[Camera]:
+    """A COLMAP model from its text files where they are there, else from its binary ones."""
+    for suffix, read in ((".txt", read_text_model), (".bin", read_binary_model)):
+        if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
+            return read(folder)
+    for there, missing in (("cameras", "images"), ("images", "cameras")):
+        for suffix in (".txt", ".bin"):
+            if (folder / f"{there}{suffix}").is_file():
+                raise InputError(f"{folder / missing}{suffix}: no such file; COLMAP cameras need cameras{suffix} and "
+                                 f"images{suffix} together")
+    raise InputError(f"{folder}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
+
+
+def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None) -> None:
+    """Writes nerfstudio's camera_path.json, as ``read_cameras`` reads it back.
+
+    The format knows one size for all, square pixels and a centred principal point; other cameras are refused
+    (InputError) rather than changed.  seconds: of the film; None: one frame a camera.
+    """
+    cameras = list(cameras)
+    if not cameras:
+        raise InputError(f"{path}: no cameras to write")
+    width, height = cameras[0].width, cameras[0].height
+    for n, camera in enumerate(cameras):
+        where = f"{path}: frame {n} ({shown(camera.name)})"
+        if (camera.width, camera.height) != (width, height):
+            shape = f"{camera.width}x{camera.height}"
+            raise InputError(f"{where}: {shape}, but the first is {width}x{height}; this format holds one size")
+        lens, plain = (camera.fx, camera.cx, camera.cy), (camera.fy, width / 2, height / 2)
+        if not np.allclose(lens, plain, rtol=1e-6, atol=1e-6):
+            raise InputError(
+                f"{where}: fx {camera.fx:g}, fy {camera.fy:g}, centre ({camera.cx:g}, {camera.cy:g}): "
+                "this format holds only square pixels and a centred picture"
+            )
+    frames = [
+        {
+            "camera_to_world": camera.camera_to_world.ravel().tolist(), "fov": camera.vertical_fov,
+            "aspect": width / height, "name": camera.name,
+        }
+        for camera in cameras
+    ]
+    write_json(path, {
+        "camera_type": "perspective", "render_width": width, "render_height": height, "fps": fps,
+        "seconds": len(frames) / fps if seconds is None else seconds, "camera_path": frames,
+    })
+
+
+def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
+    """Writes nerfstudio's transforms.json, from which ``read_cameras`` reads the same cameras, to the bit.
+
+    A camera without a name is read back as frame_00000 and so on.  Raises InputError where there are none.
+    """
+    frames = [
+        {
+            **({"file_path": f"images/{camera.name}.png"} if camera.name else {}),
+            "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+            "transform_matrix": camera.camera_to_world.tolist(),
+        }
+        for camera in cameras
+    ]  # fmt: skip
+    if not frames:
+        raise InputError(f"{path}: no cameras to write")
+    write_json(path, {"camera_model": "PINHOLE", "frames": frames})
+
+
+def _named(cameras: list[Camera]) -> list[Camera]:
+    """Cameras whose names are safe and unique as file names."""
+    names = unique_names([camera.name for camera in cameras], "camera")
+    return [camera if name == camera.name else replace(camera, name=name) for camera, name in zip(cameras, names, strict=True)]

@@ -1,0 +1,204 @@
+"""The document: what a person works on, as one immutable value.
+
+Scans and how they are taken, viewpoints, the camera path, clips, measurements, annotations and the look.  Every change makes
+a new Document; viewer.work.history keeps the old ones for undo, viewer.work.project reads and writes the file.
+Frame: the file's own coordinates, float64, file units, for everything that has a place.
+"""
+
+from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..common.errors import InputError
+from ..picture.camera import Camera, from_fov
+from ..picture.clip import Clip, Vector
+from ..picture.look import Look
+from ..picture.settings import BACKGROUNDS, Settings
+from .measure import Measurement
+
+Matrix = tuple[
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+    tuple[float, float, float, float],
+]
+
+GHOSTS = ("shown", "dimmed", "hidden")
+"""What may be done with points that another station saw through."""
+UP_AXES: dict[str, Vector] = {
+    "z": (0.0, 0.0, 1.0), "y": (0.0, 1.0, 0.0), "x": (1.0, 0.0, 0.0),
+    "-z": (0.0, 0.0, -1.0), "-y": (0.0, -1.0, 0.0), "-x": (-1.0, 0.0, 0.0),
+}  # fmt: skip
+"""Directions of the file's frame that a person may call up."""
+
+
+@dataclass(frozen=True)
+class ScanFile:
+    """One scan file or folder of the document.
+
+    path: as opened; the project file stores it relative to itself.  visible: whether it is read when the project opens.
+    metres_per_unit, crs: assigned by the person; None: as the file says.
+    """
+
+    path: str
+    visible: bool = True
+    metres_per_unit: float | None = None
+    crs: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.metres_per_unit is not None and not (np.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
+            raise InputError(f"{self.path}: {self.metres_per_unit!r} metres per unit: expected a number above 0")
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """A bookmarked view.  camera_to_world: OpenGL axes (viewer.picture.camera).  vertical_fov: degrees."""
+
+    name: str
+    camera_to_world: Matrix
+    vertical_fov: float
+
+    def __post_init__(self) -> None:
+        from_fov(2, 2, self.vertical_fov, np.array(self.camera_to_world, np.float64), self.name)  # raises InputError
+
+    def camera(self, width: int, height: int) -> Camera:
+        """This view in a picture of so many pixels."""
+        return from_fov(width, height, self.vertical_fov, np.array(self.camera_to_world), self.name)
+
+    @staticmethod
+    def of(camera: Camera, name: str) -> "Viewpoint":
+        """The view of a camera; its principal point is not kept."""
+        fov = float(np.degrees(2 * np.arctan(0.5 * camera.height / camera.fy)))
+        a, b, c, d = (tuple(float(value) for value in row) for row in camera.camera_to_world)
+        return Viewpoint(name, (a, b, c, d), fov)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """A view that the camera path passes at ``time``, seconds from its beginning."""
+
+    time: float
+    view: Viewpoint
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.time) and self.time >= 0):
+            raise InputError(f"keyframe {self.view.name!r}: time {self.time!r}: expected seconds from 0")
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Keyframes in order of time.  fps: pictures a second.  closed: the last keyframe leads back to the first."""
+
+    keyframes: tuple[Keyframe, ...] = ()
+    fps: float = 30.0
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        times = [key.time for key in self.keyframes]
+        if any(after <= before for before, after in pairwise(times)):
+            raise InputError(f"camera path: keyframe times {times!r} must increase")
+        if not 0 < self.fps <= 1000:
+            raise InputError(f"camera path: {self.fps!r} pictures a second: expected a number above 0, at most 1000")
+
+
+@dataclass(frozen=True)
+class Annotation:
+    """A text at a place."""
+
+    text: str
+    position: Vector
+
+
+@dataclass(frozen=True)
+class Alterations:
+    """What of a document changes its pictures besides the settings; the fields are those of :class:`Document`."""
+
+    clips: tuple[Clip, ...] = ()
+    hidden_stations: tuple[int, ...] = ()
+    up: Vector = UP_AXES["z"]
+    look: Look = field(default_factory=Look)
+    lock_measured: bool = False
+    ghosts: str = "shown"
+
+    def __post_init__(self) -> None:
+        if self.ghosts not in GHOSTS:
+            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
+
+    @property
+    def none(self) -> bool:
+        """Whether pictures are as without a document.  The up axis matters only to colours by height."""
+        return self == Alterations(up=self.up)
+
+
+@dataclass(frozen=True)
+class Document:
+    """Everything that a project file keeps.
+
+    hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
+    up: the direction that is up, unit vector of the file's frame.  view: where the camera stands; None: not opened yet.
+    lock_measured: pixels that were measured are shown as measured in the neural view, too.
+    ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS.
+    """
+
+    scans: tuple[ScanFile, ...] = ()
+    hidden_stations: tuple[int, ...] = ()
+    up: Vector = UP_AXES["z"]
+    view: Viewpoint | None = None
+    viewpoints: tuple[Viewpoint, ...] = ()
+    path: CameraPath = field(default_factory=CameraPath)
+    clips: tuple[Clip, ...] = ()
+    measurements: tuple[Measurement, ...] = ()
+    annotations: tuple[Annotation, ...] = ()
+    look: Look = field(default_factory=Look)
+    settings: Settings = field(default_factory=Settings)
+    background: str = "plain"
+    lock_measured: bool = False
+    ghosts: str = "shown"
+
+    @property
+    def alterations(self) -> Alterations:
+        """What changes pictures of the scans."""
+        found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Alterations)}
+        found["hidden_stations"] = tuple(sorted(self.hidden_stations))
+        return Alterations(**found)
+
+    def __post_init__(self) -> None:
+        if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
+            raise InputError(f"up {self.up!r}: expected a unit vector")
+        if not all(0 <= number < 256 for number in self.hidden_stations):
+            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
+        if self.ghosts not in GHOSTS:
+            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
+        if self.background not in BACKGROUNDS:
+            raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
+
+
+Item = TypeVar("Item")
+
+
+def unique_name(base: str, taken) -> str:
+    """``base`` or the first of ``base 2``, ``base 3``, ... that no item of ``taken`` (strings) has."""
+    taken = set(taken)
+    number = 1
+    name = base
+    while name in taken:
+        number += 1
+        name = f"{base} {number}"
+    return name
+
+
+def replaced(items: tuple[Item, ...], index: int, item: Item) -> tuple[Item, ...]:
+    """``items`` with the one at ``index`` exchanged."""
+    return items[:index] + (item,) + items[index + 1 :]
+
+
+def without(items: tuple[Item, ...], index: int) -> tuple[Item, ...]:
+    """``items`` without the one at ``index``."""
+    return items[:index] + items[index + 1 :]
+
+
+def moved(document: Document, camera: Camera) -> Document:
+    """The document with the camera where it is now; not a step that is undone."""
+    return replace(document, view=Viewpoint.of(camera, "last view"))

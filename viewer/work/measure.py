@@ -1,0 +1,215 @@
+"""Measurements between measured points: length, height difference, angle and area, each with its uncertainty.
+
+Uncertainty (GUM, JCGM 100:2008, 5.1.2): a value f of points p_i has the variance sum |df/dp_i|^2 s_i^2.  A point that was
+snapped to stands for a place up to half the point spacing d away, evenly distributed, which has the variance d^2 / 12 along an
+axis (4.3.7); the range noise n adds n^2.  So s_i^2 = d^2 / 12 + n^2, taken to be the same in all directions, which is on the
+safe side along a surface.  d and n are measured around each point on the scan itself (viewer.work.places.pick).  What is
+stated is the expanded uncertainty with k = 2 (95 %).  Errors of the registration or of the instrument's scale are not in it.
+Frame: file coordinates, file units; angles in degrees.
+"""
+
+import csv
+import io
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...model.common.files.atomic_write import write_atomic
+from ..common.errors import InputError
+from ..common.text import exact_text
+from ..picture.clip import Vector
+
+COVERAGE = 2.0
+"""Factor from standard to expanded uncertainty; 95 % where errors are normal."""
+KINDS: dict[str, tuple[int, int | None, str]] = {
+    "distance": (2, 2, "straight line between two points"),
+    "polyline": (2, None, "length along several points"),
+    "height": (2, 2, "difference of two points along the up axis"),
+    "angle": (3, 3, "at the second of three points"),
+    "area": (3, None, "of a polygon, projected on the plane that fits its corners best"),
+}
+"""Fewest and most points, and what is measured."""
+POWERS = {"distance": 1, "polyline": 1, "height": 1, "angle": 0, "area": 2}
+"""Power of the length unit in the value."""
+
+
+@dataclass(frozen=True)
+class MeasuredPoint:
+    """A point of a measurement.  position: file coordinates of a measured point.  spacing, noise: of the points around it, file
+    units; noise is the standard deviation from the local plane.  scan: where it is from, for the list."""
+
+    position: Vector
+    spacing: float = 0.0
+    noise: float = 0.0
+    scan: str = ""
+
+    @property
+    def variance(self) -> float:
+        """Of one coordinate, file units squared."""
+        return self.spacing**2 / 12 + self.noise**2
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """kind: a key of KINDS.  points: in the order in which they were set.  up: the up axis when it was made, for heights.
+
+    Raises InputError where the kind or the number of points is wrong.
+    """
+
+    kind: str
+    points: tuple[MeasuredPoint, ...]
+    name: str = ""
+    up: Vector = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"measurement {self.name!r}: kind {self.kind!r}: expected one of {', '.join(KINDS)}")
+        fewest, most, _ = KINDS[self.kind]
+        if len(self.points) < fewest or (most is not None and len(self.points) > most):
+            raise InputError(f"measurement {self.name!r}: {len(self.points)} points; a measurement of {self.kind} has {fewest}"
+                             f"{'' if most == fewest else ' or more'}")
+
+
+@dataclass(frozen=True)
+class Result:
+    """value, uncertainty: file units to the power of ``power``, or degrees where it is 0; the uncertainty is expanded (k = 2).
+    residual: of an area, the root mean square distance of its corners from the plane, file units; else 0."""
+
+    value: float
+    uncertainty: float
+    power: int
+    residual: float = 0.0
+
+
+def evaluate(measurement: Measurement) -> Result:
+    """The value of a measurement and its uncertainty."""
+    points = np.array([point.position for point in measurement.points], np.float64)
+    variances = np.array([point.variance for point in measurement.points])
+    middle = points.mean(axis=0)
+    residual = 0.0
+    if measurement.kind == "angle":
+        value, slopes = _angle(points - middle)
+    elif measurement.kind == "area":
+        value, slopes, residual = _area(points - middle)
+    elif measurement.kind == "height":
+        up = np.array(measurement.up)
+        rise = float((points[1] - points[0]) @ up)
+        value, slopes = abs(rise), np.array([-up, up])
+    else:
+        value, slopes = _length(points)
+    spread = COVERAGE * float(np.sqrt((np.sum(slopes**2, axis=1) * variances).sum()))
+    return Result(value, spread, POWERS[measurement.kind], residual)
+
+
+def _length(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Length of a line through (n, 3) points, and its derivative by each."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    along = steps / np.maximum(lengths, 1e-300)[:, None]
+    slopes = np.zeros_like(points)
+    slopes[1:] += along
+    slopes[:-1] -= along
+    return float(lengths.sum()), slopes
+
+
+def _angle(points: np.ndarray) -> tuple[float, np.ndarray]:
+    """Degrees at the second of three points, and its derivative by each; 0 where two of them coincide."""
+    (a, at, b), slopes = points, np.zeros((3, 3))
+    one, other = a - at, b - at
+    long, wide = np.linalg.norm(one), np.linalg.norm(other)
+    if long == 0 or wide == 0:
+        return 0.0, slopes
+    u, v = one / long, other / wide
+    cosine, sine = float(u @ v), float(np.linalg.norm(np.cross(u, v)))
+    angle = np.degrees(np.arctan2(sine, cosine))
+    # Moving an arm's end sideways by e turns it by e / length; towards or away from the other arm it makes no difference
+    # which direction exactly where both arms lie in one line: any sideways move counts then.
+    side_u = (cosine * u - v) / sine if sine > 1e-9 else _sideways(u)
+    side_v = (cosine * v - u) / sine if sine > 1e-9 else _sideways(v)
+    slopes[0], slopes[2] = np.degrees(side_u) / long, np.degrees(side_v) / wide
+    slopes[1] = -slopes[0] - slopes[2]
+    return float(angle), slopes
+
+
+def _sideways(direction: np.ndarray) -> np.ndarray:
+    """A unit vector at right angles to ``direction``."""
+    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    return across / np.linalg.norm(across)
+
+
+def fitted_plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The plane nearest to (n, 3) points by least squares: a point of it, its unit normal, and the RMS distance to it."""
+    middle = points.mean(axis=0)
+    _, size, axes = np.linalg.svd(points - middle, full_matrices=True)
+    rest = float(size[2]) if len(size) == 3 else 0.0
+    return middle, axes[2], rest / float(np.sqrt(len(points)))
+
+
+def _area(points: np.ndarray) -> tuple[float, np.ndarray, float]:
+    """Area of a polygon projected on its fitted plane, its derivative by each corner, and the RMS distance to the plane."""
+    _, normal, residual = fitted_plane(points)
+    after, before = np.roll(points, -1, axis=0), np.roll(points, 1, axis=0)
+    signed = 0.5 * float(np.cross(points, after).sum(axis=0) @ normal)
+    slopes = 0.5 * np.cross(after - before, normal)
+    return abs(signed), np.sign(signed) * slopes, residual
+
+
+def unit_name(metres_per_unit: float | None) -> str:
+    """The file's unit: m, ft, mm, ... or ``units`` where the file does not say."""
+    if metres_per_unit is None:
+        return "units"
+    known = {1.0: "m", 0.3048: "ft", 1200 / 3937: "ftUS", 0.001: "mm", 0.01: "cm", 0.0254: "in", 1000.0: "km"}
+    for size, name in known.items():
+        if abs(metres_per_unit - size) <= 1e-9 * size:
+            return name
+    return f"x {metres_per_unit:g} m"
+
+
+def unit_text(power: int, unit: str) -> str:
+    """The unit of a value: degrees for power 0."""
+    return {0: "°", 1: unit, 2: f"{unit}²"}[power]
+
+
+def text_of(result: Result, unit: str) -> str:
+    """``3.998 ± 0.006 m``: as many digits as the uncertainty supports, at least three significant ones of the value."""
+    digits = _decimals(result)
+    gap = "" if result.power == 0 else " "
+    known = f" ± {result.uncertainty:.{digits}f}" if result.uncertainty > 0 else ""
+    return f"{result.value:.{digits}f}{known}{gap}{unit_text(result.power, unit)}"
+
+
+def _decimals(result: Result) -> int:
+    """Decimals such that the uncertainty has one digit or two."""
+    scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
+    return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))
+
+
+COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan")
+
+
+def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
+    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each."""
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(COLUMNS)
+    unit = unit_name(metres_per_unit)
+    for measurement in measurements:
+        result = evaluate(measurement)
+        head = [measurement.name, measurement.kind, exact_text(result.value), exact_text(result.uncertainty),
+                "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", exact_text(result.residual)]
+        for number, point in enumerate(measurement.points, 1):
+            first = head if number == 1 else [*head[:2], *[""] * 4]
+            place = map(exact_text, point.position)
+            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan])
+    return out.getvalue()
+
+
+def write_csv(path: Path, measurements: Iterable[Measurement], metres_per_unit: float | None) -> None:
+    """Writes :func:`csv_text`; an older file stays on failure.  Raises InputError naming the file."""
+    text = csv_text(measurements, metres_per_unit)
+    try:
+        write_atomic(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); save it elsewhere") from None

@@ -1,0 +1,94 @@
+"""The compiled loops of picking: which points of a scene lie in a pixel's frustum, or in a ball.
+
+Frames: cells and balls in file coordinates relative to ``Scene.origin``, float64, so that nothing is lost at map coordinates.
+"""
+
+import numpy as np
+
+from ....model.common.jit import compiled
+
+
+@compiled(nogil=True)
+def cells_in_box(coords, low, high):
+    """Rows of the cells (C, 3) int32 whose coordinates lie in low..high, (3,) int64 each, both included."""
+    found = 0
+    for row in range(coords.shape[0]):
+        found += inside(coords, row, low, high)
+    rows = np.empty(found, np.int64)
+    at = 0
+    for row in range(coords.shape[0]):
+        if inside(coords, row, low, high):
+            rows[at] = row
+            at += 1
+    return rows
+
+
+@compiled(inline="always")
+def inside(coords, row, low, high):
+    return (
+        low[0] <= coords[row, 0] <= high[0] and low[1] <= coords[row, 1] <= high[1] and low[2] <= coords[row, 2] <= high[2]
+    )
+
+
+@compiled(nogil=True)
+def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation, lens, pixel, near, far):
+    """Points of the cells ``rows`` that project into a pixel: their running numbers, view depths and pixel positions.
+
+    points: (N, 3) uint32 packed.  coords: (C, 3) int32.  offsets: as in Scene.  size: of a cell.  shift: (3,) from the camera
+    to the grid's origin.  rotation: (3, 3) world to view.  lens: (4,) fx, fy, cx, cy.  pixel: (4,) left, right, top, bottom.
+    near, far: view depths between which points count.
+    """
+    cells, step = coords.shape[0], size / 65536.0
+    index, out, count = np.empty(64, np.int64), np.empty((64, 3), np.float64), 0
+    for row in rows:
+        x0 = coords[row, 0] * size + shift[0]
+        y0 = coords[row, 1] * size + shift[1]
+        z0 = coords[row, 2] * size + shift[2]
+        for layer in range(layers):
+            for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
+                x = x0 + ((points[i, 0] & 0xFFFF) + 0.5) * step
+                y = y0 + ((points[i, 0] >> 16) + 0.5) * step
+                z = z0 + ((points[i, 1] & 0xFFFF) + 0.5) * step
+                depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
+                if not near <= depth <= far:
+                    continue
+                u = lens[0] * (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z) / depth + lens[2]
+                v = lens[1] * (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z) / depth + lens[3]
+                if not (pixel[0] <= u <= pixel[1] and pixel[2] <= v <= pixel[3]):
+                    continue
+                if count == len(index):
+                    index = np.concatenate((index, np.empty_like(index)))
+                    out = np.concatenate((out, np.empty_like(out)))
+                index[count] = i
+                out[count, 0], out[count, 1], out[count, 2] = depth, u, v
+                count += 1
+    return index[:count], out[:count]
+
+
+@compiled(nogil=True)
+def neighbourhood(points, coords, offsets, layers, rows, size, place, radius):
+    """Moments of the points of the cells ``rows`` within ``radius`` of ``place`` (3,), relative to it: (10,) float64, their
+    number, the sums of x, y, z and of xx, xy, xz, yy, yz, zz."""
+    cells, step, sums = coords.shape[0], size / 65536.0, np.zeros(10)
+    for row in rows:
+        x0 = coords[row, 0] * size - place[0]
+        y0 = coords[row, 1] * size - place[1]
+        z0 = coords[row, 2] * size - place[2]
+        for layer in range(layers):
+            for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
+                x = x0 + ((points[i, 0] & 0xFFFF) + 0.5) * step
+                y = y0 + ((points[i, 0] >> 16) + 0.5) * step
+                z = z0 + ((points[i, 1] & 0xFFFF) + 0.5) * step
+                if x * x + y * y + z * z > radius * radius:
+                    continue
+                sums[0] += 1
+                sums[1] += x
+                sums[2] += y
+                sums[3] += z
+                sums[4] += x * x
+                sums[5] += x * y
+                sums[6] += x * z
+                sums[7] += y * y
+                sums[8] += y * z
+                sums[9] += z * z
+    return sums

@@ -1,0 +1,246 @@
+"""The project file, ``.pointglass``: one JSON file with a Document in it, opened exactly as it was left.
+
+``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.work.document,
+clips carry their ``type``.  Paths of scans and of weights are relative to the project file, with ``/``, where at most two
+folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, and its size
+(viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
+"""
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import logging
+import os
+import types
+import typing
+from pathlib import Path
+
+from ...model.common.files.atomic_write import write_atomic
+from ..common.errors import InputError
+from ..picture.clip import Box, Slab
+from .document import Document
+from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
+
+SUFFIX = ".pointglass"
+VERSION = 1
+MOST_UP = 2
+"""Folders up to a scan, of a stored relative path: a scan farther away is not moved together with the project."""
+LARGEST = 64 << 20
+"""Bytes; a project holds no points."""
+_log = logging.getLogger(__name__)
+_told: set[tuple[Path, str]] = set()
+"""Scans that have moved, by project, of which a warning was given."""
+_TYPES: dict[str, type] = {"Box": Box, "Slab": Slab}
+"""Classes of which a field may hold either; their name is stored beside their fields."""
+
+
+def is_project(path: Path) -> bool:
+    """Whether a path is called a project file."""
+    return path.suffix.lower() == SUFFIX
+
+
+def project_beside(document: Document) -> Path:
+    """Where a new project of a document, which has scans, is saved: beside the first one, under its name."""
+    first = Path(document.scans[0].path)
+    return first.with_name(first.stem + SUFFIX)
+
+
+def write_project(path: Path, document: Document) -> None:
+    """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
+    places = [dataclasses.asdict(place_of(scan.path, path)) for scan in document.scans]
+    data = {"pointglass_project": VERSION, "document": to_json(with_paths(document, lambda p: _relative(p, path.parent))),
+            "places": places}
+    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    try:
+        write_atomic(path, lambda beside: write_durably(beside, text))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); save the project elsewhere") from None
+
+
+def write_durably(path: Path, text: str) -> None:
+    """Writes a text and waits until the disk has it: a rename that follows survives a power failure.  Raises OSError."""
+    with path.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file, which tells whether another program has changed it; "" where it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
+def read_project(path: Path) -> Document:
+    """The document of a project file; paths of scans are absolute, or relative to the working directory, as ``path`` is.
+
+    A scan that has moved is found where viewer.work.moved_scans looks for it, and a warning says where.  Raises InputError in
+    one line that names the file, the place in it and the bad value.  Scans that are not found are no error here: the window
+    asks for them, and scans_of refuses them.
+    """
+    return _read(path)[0]
+
+
+def places_in(path: Path) -> dict[str, ScanPlace]:
+    """What a project file tells about the places of its scans: path as in read_project -> place.  Raises as read_project."""
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes are too many for a project file; is it a scan?")
+        data = json.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (ValueError, RecursionError) as error:  # not UTF-8, not JSON
+        raise InputError(f"{path}: no project file, or a damaged one ({' '.join(str(error).split())[:120]})") from None
+    if not isinstance(data, dict) or "pointglass_project" not in data:
+        raise InputError(f"{path}: no project file: it has no \"pointglass_project\"")
+    version = data["pointglass_project"]
+    if type(version) is not int or version < 1:
+        raise InputError(f"{path}: pointglass_project {version!r}: expected a version number")
+    if version > VERSION:
+        raise InputError(f"{path}: a project of version {version}, this program reads up to {VERSION}; update pointglass")
+    try:
+        document = document_from_json(data.get("document"))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    document, found, places = with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
+    for scan, place in zip(document.scans, places + [ScanPlace()] * len(document.scans)):
+        there = str(found_scan(path, scan.path, place))
+        if there != scan.path and (path, there) not in _told:
+            _told.add((path, there))
+            _log.warning("%s: its scan %s is not there any more; found as %s", path, scan.path, there)
+        found.append((dataclasses.replace(scan, path=there), place))
+    return dataclasses.replace(document, scans=tuple(scan for scan, _ in found)), {scan.path: place for scan, place in found}
+
+
+def scans_of(path: Path, document: Document) -> list[Path]:
+    """The visible scans of a project read from ``path``.  Raises InputError where there is none, MissingScans where
+    some are not there."""
+    scans = [Path(scan.path) for scan in document.scans if scan.visible]
+    if not scans:
+        raise InputError(f"{path}: no scan of this project is visible; nothing to open")
+    if missing := [scan for scan in scans if not scan.exists()]:
+        raise MissingScans(path, missing)
+    return scans
+
+
+def check_projects(paths: list[Path], *, ask: bool = False) -> None:
+    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone; MissingScans as scans_of, unless
+    somebody can be asked where they are."""
+    if (project := project_among(paths)) is not None:
+        with contextlib.suppress(*([MissingScans] if ask else [])):
+            scans_of(project, read_project(project))
+
+
+def project_among(paths: typing.Sequence[Path]) -> Path | None:
+    """The project that ``paths`` is, None where they are scans.  Raises InputError where a project is not alone."""
+    projects = [path for path in paths if is_project(path)]
+    if projects and len(paths) > 1:
+        raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
+    return projects[0] if projects else None
+
+
+def relocated(document: Document, located: typing.Mapping[str, str | None]) -> Document:
+    """The document with other paths for some scans.  located: path in the document -> where that scan is; None: it is left
+    out, that is not visible."""
+    scans = [dataclasses.replace(scan, path=located[scan.path] or scan.path,
+                                 visible=scan.visible and located[scan.path] is not None)
+             if scan.path in located else scan for scan in document.scans]
+    return dataclasses.replace(document, scans=tuple(scans))
+
+
+def document_from_json(data) -> Document:
+    """The document in a parsed project file.  Raises InputError naming the place in it."""
+    return from_json(Document, data, "document")
+
+
+def _relative(path: str, folder: Path) -> str:
+    """A path as the project file stores it: relative to ``folder`` where at most MOST_UP folders up lead to it."""
+    whole, base = Path(os.path.abspath(path)), Path(os.path.abspath(folder))
+    for up, parent in enumerate((base, *base.parents)):
+        if up <= MOST_UP and whole.is_relative_to(parent) and parent != parent.parent:
+            return "/".join([".."] * up + list(whole.relative_to(parent).parts)) or "."
+    return whole.as_posix()
+
+
+def with_paths(document: Document, change: typing.Callable[[str], str]) -> Document:
+    """The document with every path of a file changed."""
+    scans = tuple(dataclasses.replace(scan, path=change(scan.path)) for scan in document.scans)
+    settings = document.settings
+    if settings.weights is not None:
+        settings = dataclasses.replace(settings, weights=change(settings.weights))
+    return dataclasses.replace(document, scans=scans, settings=settings)
+
+
+def to_json(value):
+    """A dataclass, tuple, number, text or None as JSON has it."""
+    if dataclasses.is_dataclass(value):
+        out = {"type": type(value).__name__} if type(value).__name__ in _TYPES else {}
+        return out | {f.name: to_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, tuple):
+        return [to_json(item) for item in value]
+    return value
+
+
+def from_json(kind, data, where: str) -> typing.Any:
+    """A value of a type hint from JSON.  Raises InputError naming ``where`` in the file and what was expected."""
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        if data is None and type(None) in parts:
+            return None
+        options = [part for part in parts if part is not type(None)]
+        if len(options) > 1:
+            name = data.get("type") if isinstance(data, dict) else None
+            chosen = _TYPES.get(name) if isinstance(name, str) else None
+            if chosen not in options or not isinstance(data, dict):
+                raise InputError(f"{where}.type {name!r}: expected one of {', '.join(part.__name__ for part in options)}")
+            return from_json(chosen, {key: item for key, item in data.items() if key != "type"}, where)
+        return from_json(options[0], data, where)
+    if origin is tuple:
+        if not isinstance(data, list):
+            raise InputError(f"{where}: {_shown(data)}: expected a list")
+        if len(parts) == 2 and parts[1] is Ellipsis:
+            return tuple(from_json(parts[0], item, f"{where}[{i}]") for i, item in enumerate(data))
+        if len(data) != len(parts):
+            raise InputError(f"{where}: {len(data)} values: expected {len(parts)}")
+        return tuple(from_json(part, item, f"{where}[{i}]") for i, (part, item) in enumerate(zip(parts, data)))
+    if dataclasses.is_dataclass(kind):
+        return _record(kind, data, where)
+    if kind is float and isinstance(data, (int, float)) and not isinstance(data, bool):
+        value = float(data) if abs(data) < 1e300 else float("inf")  # JSON allows integers of any length, and Infinity
+        if value - value == 0.0:
+            return value
+    elif type(data) is kind:
+        return data
+    named = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
+    raise InputError(f"{where}: {_shown(data)}: expected {named.get(kind, kind)}")
+
+
+def _record(kind, data, where: str):
+    """An object of a dataclass; fields that are missing take their default, unknown ones are refused."""
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: {_shown(data)}: expected an object")
+    hints, fields = typing.get_type_hints(kind), {f.name: f for f in dataclasses.fields(kind)}
+    for key in data:
+        if key not in fields:
+            raise InputError(f"{where}.{key}: unknown; expected {', '.join(fields)}")
+    for name, item in fields.items():
+        if name not in data and item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING:
+            raise InputError(f"{where}.{name} is missing")
+    values = {key: from_json(hints[key], item, f"{where}.{key}") for key, item in data.items()}
+    try:
+        return kind(**values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _shown(data) -> str:
+    """A JSON value in a message, not longer than a person reads."""
+    text = json.dumps(data)
+    return text if len(text) <= 40 else f"{text[:37]}..."
