@@ -41,6 +41,7 @@ def examples() -> str:
     for script in sorted((ROOT / "assets" / "examples").glob("*.py")):
         text = script.read_text("utf-8")
         says = ast.get_docstring(ast.parse(text)) or ""
+        says = re.sub(r"^(?=python )(.*)$", r"```sh\n\1\n```", says, flags=re.MULTILINE)
         code = text.split('"""', 2)[2].strip()
         made += [f"## {script.stem.replace('_', ' ').capitalize()}", says, f"```python\n{code}\n```"]
     return "\n\n".join(made) + "\n"

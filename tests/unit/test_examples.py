@@ -44,6 +44,7 @@ def test_an_example_does_what_it_says(script, tmp_path, monkeypatch, capsys):
             assert np.asarray(image.convert("RGB")).std() > 10, picture.name
 
 
+@pytest.mark.gl
 def test_a_photograph_of_the_scan_is_like_the_scan(tmp_path):
     script = FOLDER / "e57_photographs.py"
     done = subprocess.run([sys.executable, script, tmp_path], capture_output=True, text=True, timeout=300)

@@ -39,7 +39,7 @@ def test_the_configuration_names_what_exists():
     nav = CONFIG.partition("\nnav:\n")[2].partition("\nplugins:")[0]
     own = {path.name for path in (ROOT / ".ci" / "site").glob("*.md")}
     assert set(re.findall(r"(\S+\.md)$", nav, re.MULTILINE)) == set(PAGES) | own | GENERATED
-    for name in ("docs_dir: site", "hooks: [site_pages.py]", "paths: [editor]"):
+    for name in ("docs_dir: site", "hooks: [site_pages.py]", "paths: [editor]", "extensions: [site_docstrings.py]"):
         assert name in CONFIG and (ROOT / ".ci" / name.split(": ")[1].strip("[]")).exists()
 
 
