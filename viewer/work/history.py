@@ -4,7 +4,8 @@ States are immutable values that share what did not change, so keeping hundreds 
 one gesture (dragging a slider or a handle) share a ``gesture`` and become one step.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 State = TypeVar("State")
@@ -80,6 +81,11 @@ class History(Generic[State]):
         """Changes the present state without a step: for what is not undone, such as where the camera stands."""
         last = self._done[-1]
         self._done[-1] = _Step(last.label, state, last.gesture)
+
+    def revise(self, change: Callable[[State], State]) -> None:
+        """Corrects every state, those that were undone among them, without a step: what was measured is known better now."""
+        self._done, self._undone = ([replace(step, state=change(step.state)) for step in steps]
+                                    for steps in (self._done, self._undone))
 
     def end_gesture(self) -> None:
         """The next step is a step of its own, whatever its gesture."""

@@ -73,6 +73,18 @@ class Measurement:
 
 
 @dataclass(frozen=True)
+class Begun:
+    """A measurement that is not ended yet: its kind and the points set so far.  Raises InputError where the kind is unknown."""
+
+    kind: str
+    points: tuple[MeasuredPoint, ...]
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise InputError(f"a measurement not ended: kind {self.kind!r}: expected one of {', '.join(KINDS)}")
+
+
+@dataclass(frozen=True)
 class Result:
     """value, uncertainty: file units to the power of ``power``, or degrees where it is 0; the uncertainty is expanded (k = 2).
     residual: of an area, the root mean square distance of its corners from the plane, file units; else 0."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""
 _EDGES = [(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1]
+_MARGIN = 0.01
+"""Of the scan's extent along an axis: how far a new box reaches beyond it."""
 _LEAST = 1e-4
 """Of the scan's extent: the smallest half size that dragging leaves."""
 
@@ -181,7 +183,7 @@ class ClipTool(Tool):
             overlay.marker(place, "warn" if number == self._face else "accent", 7.0, "diamond")
 
     def add(self, context: ToolContext, kind: str) -> None:
-        """Adds a box around the middle of the scan, or a level or upright slab through it."""
+        """Adds a box around the scan, which hides nothing yet, or a level or upright slab through its middle."""
         assert context.scene is not None
         low, high = context.scene.bounds
         middle, size = (low + high) / 2, np.maximum(high - low, 1e-6 * extent_of(context))
@@ -189,7 +191,7 @@ class ClipTool(Tool):
                            (clip.name for clip in context.document.clips))
         up = np.array(context.document.up)
         if kind == "box":
-            made: Clip = box_around(middle - 0.35 * size, middle + 0.35 * size, name)
+            made: Clip = box_around(low - _MARGIN * size, high + _MARGIN * size, name)
         else:
             ahead = context.camera.forward - up * (context.camera.forward @ up)
             normal = up if kind == "level" or np.linalg.norm(ahead) < 1e-6 else ahead / np.linalg.norm(ahead)

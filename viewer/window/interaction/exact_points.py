@@ -6,6 +6,7 @@ has ended.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from ...work.places.pick import Picked, exactly, is_quick
@@ -64,6 +65,13 @@ class ExactPoints:
             worker = reading.worker
             reading.arrived(worker.result if worker.error is None else replace(reading.picked, note=worker.error))
         self._start_next()
+
+    def wait(self, seconds: float) -> None:
+        """Waits for the points that are being read, so long at most, and hands them over."""
+        end = monotonic() + seconds
+        while self._waiting and (left := end - monotonic()) > 0:
+            self._waiting[0].worker.join(left)
+            self.poll()
 
     def _start_next(self) -> None:
         for reading in self._waiting[:_AT_ONCE]:

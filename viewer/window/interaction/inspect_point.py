@@ -62,7 +62,6 @@ class UnderPointer(Overlay):
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         work = context.session.work
-        work.exact_points.poll()
         self._reading.poll()
         found = self._pointing.at(context, context.session.pointer)
         scene = context.scene
@@ -88,7 +87,7 @@ class InspectPoint(Tool):
     takes_clicks = True
 
     def __init__(self) -> None:
-        self._pointing = Pointing()
+        self._pointing, self._reading = Pointing(), ExactPoints()
         self.picked: Picked | None = None
         self._lines: list[str] = []
         self._more: list[str] = []
@@ -101,8 +100,7 @@ class InspectPoint(Tool):
             self._show(None, context)
             context.toast("No measured point here: this pixel is filled or background")
         else:
-            exact_points = context.session.work.exact_points
-            self._show(exact_points.of(context, found, lambda exact: self._arrived(exact, context)), context)
+            self._show(self._reading.of(context, found, lambda exact: self._arrived(exact, context)), context)
         return False
 
     def _arrived(self, exact: Picked, context: ToolContext) -> None:
@@ -114,6 +112,9 @@ class InspectPoint(Tool):
         self.picked = picked
         self._lines = [] if picked is None else lines_of(picked, context)
         self._more = [] if picked is None else more_lines_of(picked)
+
+    def follow(self, context: ToolContext) -> None:
+        self._reading.poll()
 
     def left(self, context: ToolContext) -> None:
         self.picked, self._lines, self._more = None, [], []

@@ -13,12 +13,14 @@ import numpy as np
 
 from ...common.errors import PointglassError
 from ...work.document import replaced, unique_name, without
-from ...work.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from ...work.measure import KINDS, Begun, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
 from ...work.places.pick import Picked
 from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
+    from ...work.document import Document
+    from ...work.history import History
     from ..kit.overlay import OverlayCanvas
 
 NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area"}
@@ -79,6 +81,7 @@ class Measure(Tool):
         self._pointing = Pointing()
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
+        self._history: History[Document] | None = None  # of the work that the points belong to
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.clicks == 0:
@@ -102,16 +105,29 @@ class Measure(Tool):
         return False
 
     def _moved(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
-        """The exact place of a picked point is there: also where its measurement has been ended meanwhile."""
+        """The exact place of a picked point is there: also where its measurement has been ended, or undone, meanwhile."""
 
         def at_place(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
             return [replace(point, position=exact.position) if point.position == picked.position else point for point in points]
 
+        def corrected(document: "Document") -> "Document":
+            made = tuple(replace(item, points=tuple(at_place(item.points))) for item in document.measurements)
+            return replace(document, measurements=made) if made != document.measurements else document
+
         self.points = at_place(self.points)
-        history, document = context.session.work.history, context.document
-        made = tuple(replace(item, points=tuple(at_place(item.points))) for item in document.measurements)
-        if made != document.measurements:
-            history.replace(replace(document, measurements=made))
+        context.session.work.history.revise(corrected)
+
+    def follow(self, context: ToolContext) -> None:
+        """Keeps the points that are set among the work of the window, and takes those that an autosave has kept."""
+        work = context.session.work
+        if work.history is not self._history:
+            self._history, begun = work.history, work.begun
+            self.points = list(begun.points) if begun is not None else []
+            if begun is not None:
+                self.kind, self.wanted = begun.kind, True
+        begun = Begun(self.kind, tuple(self.points)) if self.points else None
+        if begun != work.begun:
+            work.begun = begun
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         if event.kind == "release" or not self.points:

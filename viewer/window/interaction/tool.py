@@ -144,6 +144,7 @@ class Tool:
     help: one line, for the tooltip and the table of controls.  key: GLFW's name of the key that selects it, "" for none.
     cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
     takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
+    wanted: what it had begun was restored: it is to be selected.
     """
 
     name = ""
@@ -153,6 +154,7 @@ class Tool:
     key = ""
     cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
     takes_clicks = False
+    wanted = False
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         """Handles an event.  Returns True where the tool used it; otherwise Fly receives it.
@@ -225,6 +227,10 @@ class Toolbox:
         """Lets every tool take what its work in the background has brought."""
         for tool in self.tools:
             tool.follow(context)
+            if tool.wanted:
+                tool.wanted = False
+                if tool is not self.active:
+                    self.select(tool.name, context)
 
     @property
     def unfinished(self) -> list[str]:

@@ -23,7 +23,8 @@ from ....model.common.system import lock_file, remove_lock_file
 from ...common.errors import InputError
 from ...common.state_files import read_state
 from ...work.document import Document
-from ...work.project import document_from_json, to_json, with_paths, write_durably
+from ...work.measure import Begun
+from ...work.project import document_from_json, from_json, to_json, with_paths, write_durably
 
 FOLDER = "autosave"
 VERSION = 1
@@ -40,19 +41,22 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class UnsavedWork:
     """document: with absolute paths.  project: the file that it belongs to, "" for none yet; digest: of that file as this
-    work knows it (viewer.work.project.digest_of).  title: of the scan or project.  time: seconds since 1970."""
+    work knows it (viewer.work.project.digest_of).  title: of the scan or project.  time: seconds since 1970.
+    begun: the measurement that is not ended yet."""
 
     document: Document
     project: str = ""
     digest: str = ""
     title: str = ""
     time: float = field(default=0.0, compare=False)
+    begun: Begun | None = None
 
     def text(self) -> str:
         """The JSON that the autosave file holds."""
         document = with_paths(self.document, os.path.abspath)
         return json.dumps({"pointglass_autosave": VERSION, "title": self.title, "time": self.time, "project": self.project,
-                           "digest": self.digest, "document": to_json(document)}, allow_nan=False)
+                           "digest": self.digest, "document": to_json(document), "begun": to_json(self.begun)},
+                          allow_nan=False)
 
 
 def read_unsaved(path: Path) -> UnsavedWork | None:
@@ -64,7 +68,8 @@ def read_unsaved(path: Path) -> UnsavedWork | None:
         texts = [data[name] for name in ("project", "digest", "title")]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("its project, digest or title is no text")
-        return UnsavedWork(document_from_json(data["document"]), *texts, time=float(data["time"]))
+        begun = from_json(Begun | None, data.get("begun"), "begun")
+        return UnsavedWork(document_from_json(data["document"]), *texts, time=float(data["time"]), begun=begun)
 
     return read_state(path, parse, None, most=LARGEST)
 

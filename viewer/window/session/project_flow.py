@@ -6,7 +6,9 @@ accepted through :meth:`ProjectFlow.may_replace`, also where the work was change
 
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from ...common.errors import PointglassError
 from ...common.paths import assets_dir
 from ...common.text import printable
 from ...work.document import Document, Viewpoint
+from ...work.history import History
+from ...work.measure import Begun
 from ...work.project import SUFFIX
 from ..file_dialog.file_dialogs import FileDialogs
 from .autosave import Autosave, UnsavedWork, discard, lock
@@ -24,6 +28,21 @@ from .recovery import Recoverable, recoverable, renewed
 from .session import Session
 
 _KIND = {"Projects": (SUFFIX,)}
+READING_S = 30.0
+"""Seconds that saving waits, while the window goes on, for points that are being read from their files; chosen by hand."""
+_LAST_READING_S = 2.0  # that a closing window waits for them
+
+_Content = tuple[Document, Begun | None]
+
+
+@dataclass(frozen=True)
+class _Saving:
+    """A project that is saved once its points have been read.  history: of the work that is meant.  until: of monotonic()."""
+
+    path: Path
+    then: Callable[[], object]
+    history: History[Document]
+    until: float
 
 
 class ProjectFlow:
@@ -34,9 +53,10 @@ class ProjectFlow:
         self.autosave = Autosave(wake)
         self.offers: list[Recoverable] = []
         self._offered: set[Path] = set()
-        self._given_up: Document | None = None  # the content that the person agreed to lose
+        self._given_up: _Content | None = None  # what the person agreed to lose
+        self._saving: _Saving | None = None
         self._problem = ""
-        self._left_off: tuple[Document, UnsavedWork] | None = None
+        self._left_off: _Content | None = None
         self.look_for_offers()
 
     # -- what is saved and what is not -------------------------------------------------------------------------------
@@ -50,6 +70,11 @@ class ProjectFlow:
     def changed(self) -> bool:
         """Whether there is work that is not saved."""
         return self._session.work.changed(*self._shown)
+
+    @property
+    def _content(self) -> _Content:
+        """All that a person may lose: what counts as work, and the measurement that is not ended."""
+        return self._session.work.content(*self._shown), self._session.work.begun
 
     @property
     def name(self) -> str:
@@ -72,14 +97,16 @@ class ProjectFlow:
             work.recovered = None
             self._take_over(found)
             self._left_off = None
-        if not self.changed:
+        self._take_places()
+        content = self._content
+        if not self.changed and work.begun is None:
             self._left_off = None
             self.autosave.follow(None)
-        elif self._left_off is None or self._left_off[0] is not work.content(*self._shown):
+        elif self._left_off is None or any(a is not b for a, b in zip(self._left_off, content)):
             project = os.path.abspath(work.project) if work.project is not None else ""
-            unsaved = UnsavedWork(work.as_saved(session.camera, *self._shown), project, work.digest, self.name)
-            self._left_off = work.content(*self._shown), unsaved
-            self.autosave.follow(unsaved)
+            document = work.as_saved(session.camera, *self._shown)
+            self._left_off = content
+            self.autosave.follow(UnsavedWork(document, project, work.digest, self.name, begun=work.begun))
         self._offer()
         if self.autosave.problem != self._problem:
             self._problem = self.autosave.problem
@@ -88,8 +115,9 @@ class ProjectFlow:
 
     def close(self) -> None:
         """The window closes.  Work that is neither saved nor given up stays in the autosave, for the next start."""
-        keep = self.changed and self._given_up != self._session.work.content(*self._shown)
+        keep = (self.changed or self._session.work.begun is not None) and self._given_up != self._content
         if keep:
+            self._session.work.exact_points.wait(_LAST_READING_S)
             self.follow()
         self.autosave.close(keep=keep)
 
@@ -127,6 +155,27 @@ class ProjectFlow:
         self._files.save("projects", "Save the project", name, _KIND, lambda chosen: self._write(chosen, then))
 
     def _write(self, path: Path, then: Callable[[], object]) -> None:
+        """Saves; where points are still being read from their files, once they have come."""
+        work, self._saving = self._session.work, None
+        if work.exact_points.busy:
+            self._saving = _Saving(path, then, work.history, monotonic() + READING_S)
+            self._session.notices.toast("Saving once the points have been read from their file…")
+        else:
+            self._write_now(path, then)
+
+    def _take_places(self) -> None:
+        """Takes exact places of points that have come, and saves what waited for them."""
+        work, given_up = self._session.work, self._given_up == self._content
+        work.exact_points.poll()
+        if given_up:
+            self._given_up = self._content
+        waiting = self._saving
+        if waiting is not None and (not work.exact_points.busy or monotonic() >= waiting.until):
+            self._saving = None
+            if waiting.history is work.history:
+                self._write_now(waiting.path, waiting.then)
+
+    def _write_now(self, path: Path, then: Callable[[], object]) -> None:
         session = self._session
         try:
             session.work.save_project(path, session.camera, *self._shown)
@@ -134,7 +183,8 @@ class ProjectFlow:
             session.notices.ask("The project was not saved", str(error), (
                 Answer("Save as…", lambda: self.save_as(then)), Answer("Cancel")))  # fmt: skip
         else:
-            session.notices.toast(f"Saved {path}")
+            later = "; points are still being read from their file: save again then" if session.work.exact_points.busy else ""
+            session.notices.toast(f"Saved {path}{later}")
             then()
 
     def remember(self, picture: np.ndarray | None) -> None:
@@ -149,13 +199,13 @@ class ProjectFlow:
 
     def leave(self, then: Callable[[], object]) -> None:
         """Calls ``then``, which leaves the work that is open; asks first where it is not saved."""
-        content = self._session.work.content(*self._shown)
+        content = self._content
         if not self.changed or self._session.scene is None:
             then()
             return
 
         def give_up() -> None:
-            self._given_up = content
+            self._given_up, self._saving = content, None
             then()
 
         self._session.let_go()
@@ -164,18 +214,23 @@ class ProjectFlow:
 
     def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
         """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
+
+        def close() -> None:
+            self._given_up = self._content  # saved, or given up before
+            then()
+
         if unfinished:
             self._session.notices.ask("Close the window?", f"{' '.join(unfinished)} Closing loses it.", (
-                Answer("Go on"), Answer("Close", then)))  # fmt: skip
+                Answer("Go on"), Answer("Close", close)))  # fmt: skip
         else:
-            then()
+            close()
 
     def may_replace(self, loaded: Loaded) -> bool:
         """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""
         session = self._session
         if session.keeps_work(loaded) or not self.changed:
             return True
-        return self._given_up == session.work.content(*self._shown)
+        return self._given_up == self._content
 
     # -- recovery ----------------------------------------------------------------------------------------------------
 

@@ -32,7 +32,10 @@ class Recoverable:
         document = self.unsaved.document
         parts = [(document.measurements, "measurement"), (document.clips, "clip"), (document.viewpoints, "bookmark"),
                  (document.path.keyframes, "keyframe"), (document.annotations, "note")]
-        return ", ".join(counted(len(items), name) for items, name in parts if items) or "changed settings"
+        texts = [counted(len(items), name) for items, name in parts if items]
+        if self.unsaved.begun is not None:
+            texts.append(f"a measurement not ended, of {counted(len(self.unsaved.begun.points), 'point')}")
+        return ", ".join(texts) or "changed settings"
 
     def belongs_to(self, document: Document, project: Path | None) -> bool:
         """Whether it was made of the scans, or in the project, that are open."""

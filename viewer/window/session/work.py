@@ -13,6 +13,7 @@ from ...picture.settings import Settings
 from ...render.raster.edits import Edits
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
+from ...work.measure import Begun
 from ...work.pictures.altered_pictures import edits_of
 from ...work.places.pick import Picked
 from ...work.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
@@ -27,7 +28,8 @@ class Work:
     shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
-    exact_points: picked points whose values are being read from their files.
+    exact_points: picked points of the work whose values are being read from their files.
+    begun: the measurement that is not ended yet, None where there is none.
     reference_problem: why the assigned reference system cannot be used, None where it can.
     located: path of a scan in a project -> where a person said it is, None: left out.
     digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
@@ -39,6 +41,7 @@ class Work:
         self.tint = False
         self.under_pointer: Picked | None = None
         self.exact_points = ExactPoints()
+        self.begun: Begun | None = None
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
         self.reference_problem: str | None = None
@@ -118,6 +121,8 @@ class Work:
         """What :meth:`begin` began is shown now.  Returns its document."""
         opened, self._next = self._next, Opening(Document())
         self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
+        self.begun = opened.recovered.unsaved.begun if opened.recovered is not None else None
+        self.exact_points = ExactPoints()  # points that are still being read are of the former work
         saved = opened.document if opened.saved is None else opened.saved
         self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)
         self.history.do("Restore unsaved work", opened.document)
