@@ -73,3 +73,14 @@ def test_where_the_camera_stands_is_no_step():
     assert stack.current == (1, "there")
     stack.undo()
     assert stack.current == (0, "here")
+
+
+def test_a_revision_reaches_every_state_and_is_no_step():
+    stack = History((0,))
+    for value in ((0, 1), (0, 1, 2), (0, 1, 2, 1)):
+        stack.do("add", value)
+    stack.undo()
+    stack.revise(lambda state: tuple(10 if item == 1 else item for item in state))
+    assert stack.current == (0, 10, 2)
+    assert stack.redo() == "add" and stack.current == (0, 10, 2, 10)
+    assert [stack.undo() and stack.current for _ in range(3)] == [(0, 10, 2), (0, 10), (0,)] and stack.undo() is None

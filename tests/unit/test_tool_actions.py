@@ -161,6 +161,14 @@ def test_the_place_on_the_axis_is_nearest_to_the_ray(seed):
         assert away(found) <= min(away(found - 1e-3), away(found + 1e-3))
 
 
+def test_a_new_box_holds_the_whole_scan_and_little_more(context):
+    ClipTool().add(context, "box")
+    low, high = context.scene.bounds
+    corners = context.document.clips[0].corners
+    assert corners.min(axis=0) == pytest.approx(low - 0.01 * (high - low))
+    assert corners.max(axis=0) == pytest.approx(high + 0.01 * (high - low))
+
+
 def test_dragging_a_handle_is_one_step(context):
     tool = ClipTool()
     tool.add(context, "box")
