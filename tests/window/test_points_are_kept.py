@@ -8,8 +8,8 @@ import pytest
 from real_window import until, x_display
 from test_work_is_kept import autosaves, opened, scan  # noqa: F401  (a fixture)
 
-from pointglass.viewer.tools.project import read_project
-from pointglass.viewer.window.autosave import read_unsaved
+from pointglass.viewer.window.session.autosave import read_unsaved
+from pointglass.viewer.work.project import read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 LINES = 1_500_000
