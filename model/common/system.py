@@ -151,6 +151,13 @@ def path_of_descriptor(file: int) -> Path | None:
     return folder / str(file) if folder.is_dir() else None
 
 
+def widen_pipe(file: int, size: int) -> None:
+    """Lets a pipe hold ``size`` bytes, where the system can and the user has not too many such pipes."""
+    if hasattr(fcntl, "F_SETPIPE_SZ"):
+        with contextlib.suppress(OSError):
+            fcntl.fcntl(file, fcntl.F_SETPIPE_SZ, size)  # type: ignore[union-attr]
+
+
 def file_in_memory(name: str) -> int | None:
     """Descriptor of a new file in memory; None where the system has none."""
     return os.memfd_create(name) if hasattr(os, "memfd_create") else None

@@ -16,8 +16,8 @@ from test_laz_chunks import write_laz
 
 from pointglass.viewer import cli
 from pointglass.viewer.common.errors import InputError
-from pointglass.viewer.readers import laz_points
 from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.readers.las import laz_points
 from pointglass.viewer.readers.las.laz_points import LazError, LazPoints
 from pointglass.viewer.readers.las.laz_worker import items_of, layers_of, refusal
 
@@ -151,7 +151,7 @@ def test_the_processes_end_with_their_parent(tmp_path):
     points.read(0, 50)
     script = (
         "import sys, time; from pathlib import Path; import numpy as np; "
-        "from pointglass.viewer.readers import laz_points as l; "
+        "from pointglass.viewer.readers.las import laz_points as l; "
         f"p = l.LazPoints(Path({str(points.path)!r}), bytes.fromhex({points.record.hex()!r}), {points.length}, np.array([50]), "
         f"np.array([{points.held[0]}]), np.array([0])); p.read(0, 50); print(l._idle[0].pid, flush=True); "
     )

@@ -65,7 +65,7 @@ def test_the_workflows_are_for_three_systems():
 
 @pytest.mark.parametrize("path", FORMS, ids=lambda path: path.stem)
 def test_an_issue_form_asks_with_commands_that_exist(path):
-    from pointglass.viewer.commands import COMMANDS
+    from pointglass.viewer.command_table import COMMANDS
 
     text = path.read_text("utf-8")
     if path.stem == "config":

@@ -257,6 +257,17 @@ def test_without_proc_nothing_is_known_and_nothing_fails(monkeypatch, tmp_path):
     run_in_child_where_limited()  # returns: there is no limit that could be asked for
 
 
+def test_a_pipe_is_widened_where_it_can_be(monkeypatch):
+    reading, writing = os.pipe()
+    system.widen_pipe(writing, 1 << 18)
+    os.set_blocking(writing, False)
+    assert os.write(writing, bytes(1 << 18)) == 1 << 18
+    monkeypatch.setattr(system, "fcntl", None)
+    system.widen_pipe(writing, 1 << 18)
+    os.close(reading)
+    os.close(writing)
+
+
 def test_reports_of_native_code_are_seen_where_there_is_no_file_in_memory(monkeypatch, capfd):
     monkeypatch.delattr(os, "memfd_create")
     with without_panics():

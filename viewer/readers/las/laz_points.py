@@ -4,7 +4,6 @@ Processes are kept for the next request, of any file: one takes about 50 ms to s
 """
 
 import atexit
-import fcntl
 import json
 import os
 import signal
@@ -12,7 +11,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +19,7 @@ from threading import Lock
 
 import numpy as np
 
+from ....model.common.system import after_fork_in_child, widen_pipe
 from . import laz_worker
 
 ALL = 0xFFFFFFFF
@@ -143,9 +143,8 @@ def _started() -> subprocess.Popen:
     command = [sys.executable, "-I", "-S", laz_worker.__file__, str(Path(found.origin).parents[1])]
     pipe = subprocess.PIPE
     process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, bufsize=0)
-    if hasattr(fcntl, "F_SETPIPE_SZ") and process.stdout is not None:
-        with suppress(OSError):  # where the user has too many large pipes
-            fcntl.fcntl(process.stdout, fcntl.F_SETPIPE_SZ, _PIPE)
+    if process.stdout is not None:
+        widen_pipe(process.stdout.fileno(), _PIPE)
     return process
 
 
@@ -155,7 +154,7 @@ def _ask(process: subprocess.Popen, request: dict) -> None:
     try:
         while data:
             data = data[process.stdin.write(data) :]
-    except BrokenPipeError:
+    except OSError:  # a broken pipe, which Windows calls an invalid argument
         raise _ended(process) from None
 
 
@@ -218,4 +217,4 @@ def _forget() -> None:
 
 
 atexit.register(_end_all)
-os.register_at_fork(after_in_child=_forget)
+after_fork_in_child(_forget)
