@@ -23,6 +23,11 @@ ORDER = {
     "model": ["common", "appearance", "network", "reference", "synth", "data", "evaluation", "train"],
 }
 """The rooms, in the order in which data flows: each imports only from those before it."""
+WINGS: dict[str, list[str]] = {
+    "viewer.render": ["device", "culling", "raster", "passes", "network", ""],
+}
+"""The wings of a room, in the order in which each may be imported by those after it; "" for the modules at the top of the
+room.  A room that is not named here has no order of wings."""
 SAME_NAME: dict[str, str] = {
     "__init__": "packages",
     "command": "the command line's part of a folder: training, evaluation, film, export, section",
@@ -161,6 +166,37 @@ def test_imports_point_one_way(top):
     wrong = [f"{name} imports {other}" for name in place for other in sorted(EVERY_IMPORT[name] & set(place))
              if place[other] > place[name]]
     assert wrong == []
+
+
+def wing_of(name: str, room: str) -> str:
+    """The wing of a module of a room: its first folder below the room's; "" for a module at the top."""
+    below = name.removeprefix(f"{room}.").split(".")
+    return below[0] if len(below) > 1 or SOURCES[name].name == "__init__.py" else ""
+
+
+def against_the_wings(room: str, imports: dict[str, set[str]]) -> list[str]:
+    """The imports inside a room that point from a wing to one after it."""
+    place = {name: WINGS[room].index(wing_of(name, room)) for name in imports if inside(name, room) and name != room}
+    return [f"{name} imports {other}" for name in place for other in sorted(imports[name] & set(place))
+            if place[other] > place[name]]
+
+
+@pytest.mark.parametrize("room", WINGS)
+def test_imports_between_wings_point_one_way(room):
+    """From a wing to those before it in WINGS, in annotations and inside functions too."""
+    assert against_the_wings(room, EVERY_IMPORT) == []
+
+
+@pytest.mark.parametrize("room", WINGS)
+def test_every_folder_of_a_room_is_a_wing(room):
+    folders = {wing_of(name, room) for name in SOURCES if inside(name, room) and name != room}
+    assert folders == set(WINGS[room])
+
+
+def test_an_import_against_the_wings_is_found():
+    assert against_the_wings("viewer.render", {
+        "viewer.render.frame": {"viewer.render.passes.fill"}, "viewer.render.passes.fill": {"viewer.render.frame"},
+    }) == ["viewer.render.passes.fill imports viewer.render.frame"]  # fmt: skip
 
 
 @pytest.mark.parametrize(("importer", "imported"), [

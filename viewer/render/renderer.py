@@ -19,13 +19,13 @@ from ..common.text import bytes_text, counted
 from ..picture.settings import MEMORY, VIEWS, Memory, Settings
 from .culling.cull import Culler, DrawList
 from .culling.enclosed_directions import OPEN, Directions, Enclosure
-from .culling.occlusion import History, Occlusion, may_hide
+from .culling.occlusion import GAP_LEVELS, History, Occlusion, may_hide
+from .deferred_network import camera_key as camera_key
+from .deferred_network import finish_network, start_network
 from .device.context import LOST, context_lost, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
 from .frame import Frame
-from .network.deferred_network import camera_key as camera_key
-from .network.deferred_network import finish_network, start_network
 from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
@@ -262,7 +262,7 @@ class Renderer(SizedPasses):
             return None
         step = self._filter_for(settings, rasteriser)
         assert isinstance(step, DepthFilter)  # behind every rasteriser that can hide cells
-        return History(memory, self.scene, step, settings.filter_strength)
+        return History(memory, self.scene, partial(step.closing, strength=settings.filter_strength, levels=GAP_LEVELS))
 
     def _approximations(self, settings: Settings) -> list[str]:
         return [] if settings.lod is None else [f"level of detail: {counted(settings.lod, 'point')} per pixel"]

@@ -14,6 +14,7 @@ margin of 4 pixels around cells kept 4 to 10 % more points and helped in one of 
 
 import contextlib
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,7 +31,6 @@ from ..device.shader import BINDINGS
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.settings import Settings
-    from ..passes.filter import DepthFilter
     from .cull import DrawList
 
 LAG = {True: 1, False: 2}
@@ -60,12 +60,15 @@ _CELLS_A_GROUP = 64
 
 @dataclass(frozen=True)
 class History:
-    """Occlusion culling of one frame: its caller's memory, the scene, and the frame's depth filter with its strength."""
+    """Occlusion culling of one frame: its caller's memory and the scene.
+
+    closing: of a buffer of nearest depths, the texture with the depth below which the frame's filter would close a gap of
+    GAP_LEVELS (viewer.render.passes.filter.DepthFilter.closing).
+    """
 
     memory: "Occlusion"
     scene: "Scene"
-    filter: "DepthFilter"
-    strength: float
+    closing: Callable[[moderngl.Buffer], moderngl.Texture]
 
 
 class Occlusion:
@@ -200,7 +203,7 @@ class HiddenCells:
 
     def build(self, keys: moderngl.Buffer, history: "History") -> None:
         """Builds the pyramid from the depth drawn so far."""
-        history.filter.closing(keys, strength=history.strength, levels=GAP_LEVELS).use(0)
+        history.closing(keys).use(0)
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
         self._blocks["gaps"] = 0

@@ -4,7 +4,7 @@ Passes over the textures of a Frame; what is not asked for does not run.  Refere
 viewer.picture.provenance_tint.  Pictures are RGBA8, premultiplied, row 0 at the top.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from ..device import shader
 if TYPE_CHECKING:
     import moderngl
 
-    from ..frame import Frame
-
 SHOWS_POINTS = ("raw", "filtered")
 """Views in which point size and eye-dome lighting apply: only these show points."""
 _KINDS = {"raw": 0, "filtered": 1, "filled": 1, "neural": 2}
@@ -25,6 +23,19 @@ _KINDS = {"raw": 0, "filtered": 1, "filled": 1, "neural": 2}
 def needs(look: Look, view: str, *, tint: bool, lock: bool) -> bool:
     """Whether a picture of ``view`` is developed at all; otherwise the frame's own texture is shown."""
     return tint or look.develops or (look.shapes_points and view in SHOWS_POINTS) or (lock and view == "neural")
+
+
+class Rendered(Protocol):
+    """What is developed: a viewer.render.frame.Frame."""
+
+    @property
+    def textures(self) -> "dict[str, moderngl.Texture]": ...
+
+    @property
+    def depth_texture(self) -> "moderngl.Texture": ...
+
+    @property
+    def mask_texture(self) -> "moderngl.Texture | None": ...
 
 
 class Developer:
@@ -40,7 +51,7 @@ class Developer:
         self._disc = 0  # size of the disc in _offsets
         self._look: Look | None = None  # whose curves are uploaded
 
-    def run(self, frame: "Frame", view: str, look: Look, *, tint: bool = False, lock: bool = False) -> "moderngl.Texture":
+    def run(self, frame: Rendered, view: str, look: Look, *, tint: bool = False, lock: bool = False) -> "moderngl.Texture":
         """The developed picture of a view; valid until the next call or the renderer's next picture.
 
         tint, and lock for a neural picture, need the filtered view in the frame (except tint of a raw picture).
@@ -101,41 +112,6 @@ class Developer:
         for texture in (*self._targets, self._depth, self._curves, self._offsets):
             if texture is not None:
                 texture.release()
-
-
-class DevelopedViews:
-    """The developed pictures of a frame, each made once and kept until the frame or the look changes."""
-
-    def __init__(self, programs: shader.Programs):
-        self._programs = programs
-        self._developers: dict[str, Developer] = {}
-        self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
-
-    def texture(self, frame: "Frame", view: str, look: Look, *, tint: bool, lock: bool) -> "moderngl.Texture":
-        """A view of the frame with the look applied: the frame's own texture where the look changes nothing."""
-        plain = frame.textures[view]
-        if (tint or lock) and view != "raw" and "filtered" not in frame.textures:
-            tint = lock = False  # of the frame before they were asked for
-        if not needs(look, view, tint=tint, lock=lock):
-            return plain
-        key = (look, tint, lock, frame.facts.get("network_pending"))  # the network may add its picture later
-        made = self._made.get(view)
-        if made is not None and made[0] is frame and made[1] == key:
-            return made[2]
-        developer = self._developers.get(view)
-        if developer is None or developer.size != plain.size:
-            if developer is not None:
-                developer.release()
-            developer = self._developers[view] = Developer(self._programs, plain.size)
-        texture = developer.run(frame, view, look, tint=tint, lock=lock)
-        self._made[view] = frame, key, texture
-        return texture
-
-    def release(self) -> None:
-        for developer in self._developers.values():
-            developer.release()
-        self._developers.clear()
-        self._made.clear()
 
 
 def read_picture(texture: "moderngl.Texture") -> np.ndarray:

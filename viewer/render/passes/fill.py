@@ -18,7 +18,7 @@ from .hole_test import HoleTest
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
-    from ..network.bridge import Pixels
+    from ..device.self_test import Storage
 
 INPUT_BYTES = 16  # a pixel
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
@@ -56,7 +56,8 @@ class Fill:
         self._compiled: dict[tuple, moderngl.ComputeShader] = {}
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
-            around: Directions, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
+            around: Directions, spacing: float, network: "Storage | None" = None,
+            noise: moderngl.Texture | None = None) -> None:
         """around: the directions from the camera position.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only."""

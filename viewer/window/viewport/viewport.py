@@ -14,7 +14,8 @@ from ...common.errors import DeviceError, DeviceLostError, PointglassError
 from ...picture.background import composite
 from ...picture.settings import Memory, Settings
 from ...render.culling.occlusion import Occlusion
-from ...render.passes.develop import DevelopedViews, read_picture
+from ...render.developed_views import DevelopedViews
+from ...render.passes.develop import read_picture
 from ...render.raster.points import UPLOAD_SECONDS
 from ...work.pictures.altered_pictures import edits_of
 from ..kit.frame_rate import FrameRate

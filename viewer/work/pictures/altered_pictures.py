@@ -10,7 +10,8 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...picture.background import as_saved
-from ...render.passes.develop import DevelopedViews, read_picture
+from ...render.developed_views import DevelopedViews
+from ...render.passes.develop import read_picture
 from ...render.raster.edits import Edits
 from ..document import Alterations
 

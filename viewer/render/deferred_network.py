@@ -6,13 +6,13 @@ The network runs on its own thread (viewer.render.network.network_thread); these
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..frame import Frame
+from .frame import Frame
 
 if TYPE_CHECKING:
-    from ...picture.camera import Camera
-    from ..passes.fill import Fill
-    from ..stage_times import Stages
-    from .neural import NeuralStage
+    from ..picture.camera import Camera
+    from .network.neural import NeuralStage
+    from .passes.fill import Fill
+    from .stage_times import Stages
 
 
 def camera_key(camera: "Camera") -> tuple:
