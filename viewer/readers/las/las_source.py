@@ -48,7 +48,7 @@ class LasSource(Source):
             records = list(header.vlrs) + list(header.evlrs or [])
             more = self._check_chunks(header) if compressed else self._beyond(header)
         copc = any(record.user_id == "copc" for record in records)
-        self.format = "COPC" if copc else "LAZ" if compressed else "LAS"
+        self.format = ("COPC" if copc else "LAZ") if compressed else "LAS"
         if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
         (self.crs, self.units, self.metres_per_unit), heights = _reference(records)
