@@ -23,6 +23,7 @@ from .common.command_log import logging_to
 from .common.errors import InputError
 from .common.failures import report, tell
 from .common.progress import progress
+from .common.replaced_files import replaced_told
 from .common.text import counted, escaped_output
 from .picture.settings import Settings
 
@@ -76,7 +77,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from .commands.render_pictures import export_pictures, parse_shard, parse_size
+    from .commands.render_pictures import export_pictures, parse_shard, parse_size, picture_files
     from .work.cameras.camera_files import read_cameras
     from .work.ghosts import prepared
     from .work.pictures.shot_metadata import describe_shot, differences, read_shot
@@ -108,8 +109,9 @@ def _render(options: argparse.Namespace) -> int:
     renderer = Renderer(context, scene, memory=memory)
     _end_of_start()
     try:
-        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
-                                exposures=exposures, like=shot, resume=options.resume)
+        with replaced_told(picture_files(options.out, cameras, aux=options.aux)):
+            count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
+                                    exposures=exposures, like=shot, resume=options.resume)
     finally:
         renderer.release()
         context.release()
@@ -170,8 +172,9 @@ def _convert(options: argparse.Namespace) -> int:
         from .commands.render_pictures import parse_shard
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
-        made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
-                            columns=options.columns)
+        with replaced_told(options.out.iterdir() if options.out.is_dir() else ()):
+            made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
+                                columns=options.columns)
         print(f"{counted(len(made), 'grid')} in {options.out}")
         return 0
     convert(options.scans, options.out, match=options.exposures == "matched", columns=options.columns)
@@ -269,7 +272,8 @@ def _run_logged(options: argparse.Namespace) -> int:
         if options.command != "render":  # which does without garbage collection until its first picture
             _end_of_start()
         sweep_recorded()
-        code = _RUN[options.command](options)
+        with replaced_told(_files_of(options)):
+            code = _RUN[options.command](options)
         if sys.stdout is not None:
             sys.stdout.flush()
         return code
@@ -277,6 +281,17 @@ def _run_logged(options: argparse.Namespace) -> int:
         if (code := report(error)) is None:
             raise
         return code
+
+
+def _files_of(options: argparse.Namespace) -> list[Path]:
+    """The files, and the grid, that a command line names to be written."""
+    given = [getattr(options, name, None) for name in ("out", "json", "plot", "worst")]
+    found = [path for path in given if isinstance(path, Path)]
+    if options.command == "simulate":
+        from ..model.synth.demo import cameras_of
+
+        found.append(cameras_of(options.out))
+    return found
 
 
 def _end_of_start() -> None:

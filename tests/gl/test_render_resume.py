@@ -58,13 +58,16 @@ def test_only_what_is_whole_and_the_same_is_left_out(scan, tmp_path, capsys):
     before = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
     capsys.readouterr()
     assert main([*scan, "--resume"]) == 0
-    assert capsys.readouterr().out == f"6 pictures in {out} (1 picture already there)\n"
+    said = capsys.readouterr()
+    assert said.out == f"6 pictures in {out} (1 picture already there)\n"
+    assert said.err == f"pointglass: replaces {torn} and 23 other files\n", "all of four cameras, and the rest of missing.png's"
     assert files(out) == first
     kept = {path.name for path in out.iterdir() if path.stat().st_mtime_ns == before.get(path.name)}
     assert kept == {f"same.{ending}" for ending in ("png", "depth.npy", "mask.npy", "provenance.png", "stats.json")}
 
     assert main([*scan, "--resume"]) == 0
-    assert "(6 pictures already there)" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "(6 pictures already there)" in said.out and said.err == ""
 
 
 def test_frames_of_a_film_and_pictures_of_the_demo_can_be_drawn_again(scan, tmp_path, capsys):
@@ -77,8 +80,14 @@ def test_frames_of_a_film_and_pictures_of_the_demo_can_be_drawn_again(scan, tmp_
     assert (tmp_path / "again" / frames[2].name).read_bytes() == frames[2].read_bytes()
     whole = {frame.name: frame.read_bytes() for frame in frames}
     frames[1].write_bytes(whole[frames[1].name][:-30])
+    capsys.readouterr()
     assert main([*film, "--out", str(tmp_path / "film"), "--resume"]) == 0
+    assert capsys.readouterr().err == f"pointglass: replaces {frames[1]}\n"
     assert {frame.name: frame.read_bytes() for frame in frames} == whole
+
+    for said_before in ("", f"pointglass: replaces {tmp_path / 'film.mp4'}\n"):
+        assert main([*film, "--out", str(tmp_path / "film.mp4")]) == 0
+        assert capsys.readouterr().err == said_before
 
     assert main([*film, "--out", str(tmp_path / "round"), "--panorama", "--size", "64x32"]) == 0
     assert main([*film, "--out", str(tmp_path / "fine"), "--supersample", "2"]) == 0

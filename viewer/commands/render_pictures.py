@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..render.frame import Frame
     from ..render.renderer import Renderer
 
+_AUX = (".depth.npy", ".mask.npy", ".provenance.png", ".stats.json")
 _PROVENANCE_TEXT = cannot_repeat("the provenance of pixels")
 
 
@@ -40,6 +41,12 @@ def parse_shard(text: str) -> tuple[int, int]:
     if not slash or part is None or parts is None or part >= parts:
         raise InputError(f"--shard {text!r}: expected i/n with i from 0 to n - 1, such as 0/4")
     return part, parts
+
+
+def picture_files(out: Path, cameras: list["Camera"], *, aux: bool) -> list[Path]:
+    """What :func:`export_pictures` writes."""
+    return [out / f"{safe_name(camera.name, 'picture')}{ending}" for camera in cameras
+            for ending in (".png", *(_AUX if aux else ()))]
 
 
 def export_pictures(

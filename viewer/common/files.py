@@ -15,11 +15,6 @@ from .errors import InputError
 from .file_names import inside
 
 
-def replaced_text(out: Path) -> str:
-    """What the line that says where a file was written adds where ``out`` is a file already; asked before it is written."""
-    return " (replaced)" if out.is_file() else ""
-
-
 @contextlib.contextmanager
 def out_folder(out: Path) -> Iterator[None]:
     """Makes the folder of ``--out``; where the block fails, what it made and left empty goes again.  Raises InputError."""

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from ....model.common.files.atomic_write import passes_through, write_atomic
 from ...common.errors import InputError
-from ...common.files import replaced_text
 from ...common.text import bytes_text, counted
 from ...readers.grid_folder import is_grid
 from ...work.pictures.altered_pictures import edits_of
@@ -122,7 +121,6 @@ def run(options: argparse.Namespace) -> int:
     def note(text: str) -> None:
         print(f"pointglass: {options.out}: {text}", file=sys.stderr)
 
-    replaced = replaced_text(options.out)
     count = export(
         selection,
         options.out,
@@ -132,5 +130,5 @@ def run(options: argparse.Namespace) -> int:
         reproject=options.reproject,
         note=note,
     )
-    print(f"{counted(count, 'point')} in {options.out}{replaced}")
+    print(f"{counted(count, 'point')} in {options.out}")
     return 0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ... import __version__
 from ...common.errors import InputError
-from ...common.files import replaced_text
+from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...work.cameras.path import frame_name, interpolate
 from ...work.document import Alterations
@@ -119,9 +119,8 @@ def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate:
     size = maker.size
     if out.suffix.lower() in MP4:
         fps = Fraction(rate).limit_denominator(1001)
-        replaced = replaced_text(out)
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
-        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}{replaced}"
+        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
     made_of = {
         "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(maker.settings),
         "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
@@ -162,6 +161,7 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     """The command.  Returns the exit code."""
     from ..options import memory_of
     from ..render_pictures import parse_size
+    from .encode import frame_files
 
     check(options)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
@@ -175,8 +175,10 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
     renderer = Renderer(context, scene, memory=memory_of(options))
     try:
-        print(film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
-                   supersample=options.supersample, background=options.background, resume=options.resume))
+        with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
+            made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
+                        supersample=options.supersample, background=options.background, resume=options.resume)
+        print(made)
     finally:
         renderer.release()
         context.release()

@@ -74,6 +74,11 @@ def _encode(path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int], f
         container.mux(stream.encode())
 
 
+def frame_files(cameras: Sequence[Camera]) -> list[str]:
+    """The names of what :func:`write_folder` writes."""
+    return [*(f"{camera.name}.png" for camera in cameras), RECORD]
+
+
 def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: dict, resume: bool,
                  describe: Callable[[Camera], dict[str, str]] | None = None) -> int:
     """Writes ``out/NAME.png`` for each camera; returns how many were made now.
@@ -85,7 +90,8 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
     record = out / RECORD
     there = {path.name for path in out.glob("*.png")} if out.is_dir() else set()
     wanted = json.loads(json.dumps(made_of))
-    if there & {f"{camera.name}.png" for camera in cameras}:
+    goes_on = bool(there.intersection(frame_files(cameras)))
+    if goes_on:
         if not resume:
             raise InputError(f"{out}: holds frames already; add --resume to keep them, or choose another --out")
         if (kept := _read(record)) != wanted:
@@ -95,7 +101,8 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
     left = [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
     with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
         meter.update(len(cameras) - len(left))
-        write_json(record, made_of)
+        if not goes_on:
+            write_json(record, made_of)
         for camera in left:
             picture = draw(camera)
             try:

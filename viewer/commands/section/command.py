@@ -78,7 +78,6 @@ def cut_of(options: argparse.Namespace, scene: "Scene", document: "Document") ->
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    from ...common.files import replaced_text
     from ...work.pictures.altered_pictures import edits_of
     from ...work.selection import Selection
     from ..open_project import opened
@@ -94,9 +93,8 @@ def run(options: argparse.Namespace) -> int:
     cut, paper = cut_of(options, scene, document), paper_of(scene, scale, options.dpi)
     selection = Selection(scene, document.clips, hidden=edits_of(document.alterations).hidden_in(scene))
     drawing = draw(selection, cut, paper.pixel)
-    replaced = replaced_text(options.out)
     width, height = write_sheet(options.out, drawing, paper, scene, title_of(scene))
-    print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm{replaced}")
+    print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm")
     return 0
 
 

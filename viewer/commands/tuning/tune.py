@@ -14,6 +14,7 @@ from ....model.train.trainer import TrainConfig, train
 from ...common.errors import InputError
 from ...common.file_names import safe_name
 from ...common.paths import weights_home
+from ...common.replaced_files import replaced_told
 from .material import HeldOutPicture, Material
 
 RATE = 1e-4
@@ -82,6 +83,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     target = out / f"{name}-{weights_name(quality, filtered=True)}.safetensors"
     notes = {"tuned_on": scan.name, material.noun: material.learned, "judged": material.held, "psnr_before": before,
              "psnr_after": after, "minutes": minutes, "seed": seed, "start_from": shipped.name}  # fmt: skip
-    save_weights(target, network, quality, filtered=True, notes=notes)
+    with replaced_told([target]):
+        save_weights(target, network, quality, filtered=True, notes=notes)
     print(f"weights in {target}")
     return target
