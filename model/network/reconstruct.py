@@ -19,9 +19,10 @@ from .blend_cpu import Blender
 from .engines import fold_normalisation
 from .interruption import check
 from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
+from .qualities import QUALITIES
 from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from .weights import WeightsError, digest, load_weights
-from .weights_folder import MIRRORED, weights_file
+from .weights_folder import weights_file
 
 FLIPS: tuple[tuple[int, ...], ...] = ((), (1,), (0,), (0, 1))
 """Axes (rows 0, columns 1) along which mirrored pictures are flipped; the first is the picture itself."""
@@ -103,8 +104,8 @@ def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None
 class Reconstructor:
     """A network ready to run.  ``name``: weights, their hash, precision and device, for display.
 
-    quality: fast, balanced, best or paper; ``best`` averages the network of ``balanced`` over four mirrored pictures
-    (self-ensemble, Timofte et al. 2016) and takes four times as long.  filtered: weights trained for filtered input.
+    quality: a key of QUALITIES; one that ``mirrors`` another averages its network over four mirrored pictures (self-ensemble,
+    Timofte et al. 2016) and takes four times as long.  filtered: weights trained for filtered input.
     device: "cuda" or "cpu".  precision: a key of PRECISIONS; None: :func:`fast_precision`.  engine: a key of
     :data:`model.network.engines.ENGINES` for a :class:`model.network.engines.Runner` on CUDA; None: "graph".
     Raises WeightsError where there are no such weights.
@@ -121,7 +122,7 @@ class Reconstructor:
         self.engine = (engine or "graph") if device == "cuda" else "eager"
         self.compact = isinstance(network, CompactUNet)
         self.network = fold_normalisation(network).to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self.flips = FLIPS if quality in MIRRORED else FLIPS[:1]
+        self.flips = FLIPS if QUALITIES[quality].mirrors else FLIPS[:1]
         mirrored = f" on {len(self.flips)} mirrored pictures" if len(self.flips) > 1 else ""
         self.name = f"{path.stem} {digest(path)}{mirrored} {self.precision} on {device}"
         self._blender: Blender | None = None

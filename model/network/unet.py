@@ -20,13 +20,13 @@ The network is fully convolutional: any size is padded and cropped.  The model c
 """
 
 import itertools
-from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
 from .network_layout import NOISE_SCALE
+from .qualities import QUALITIES, Size
 
 BLENDS = 4
 """Number of smoother versions of the filled picture: 3x3 binomial blurs at dilations 1, 2, 4, 8, each of the last."""
@@ -59,21 +59,6 @@ INPUT_CHANNELS = 6
 (model/reference/projection.py)."""
 PAPER_CHANNELS = 5
 """Channels of these that the paper's network takes: all but the noise level."""
-
-
-@dataclass(frozen=True)
-class Size:
-    """widths: channels of each level.  convolutions: 3x3 ones, down and up, at each.  block: pixels a side of a block."""
-
-    widths: tuple[int, ...]
-    convolutions: int
-    block: int = 2
-
-
-SIZES = {
-    "fast": Size((32, 64, 96, 128), 1),
-    "balanced": Size((64, 128, 192, 256), 1),
-}
 
 
 def _convolutions(width: int, count: int) -> nn.Sequential:
@@ -235,8 +220,10 @@ class PaperUNet(nn.Module):
 
 
 def make_network(quality: str) -> nn.Module:
-    """An untrained network of the named quality (a key of SIZES, or ``paper``)."""
-    return PaperUNet() if quality == "paper" else CompactUNet(SIZES[quality])
+    """An untrained network of a quality."""
+    row = QUALITIES[quality]
+    size = QUALITIES[row.mirrors].size if row.mirrors else row.size
+    return PaperUNet() if size is None else CompactUNet(size)
 
 
 def mac_per_pixel(network: nn.Module, side: int = 256) -> float:

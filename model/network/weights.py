@@ -13,7 +13,8 @@ from torch import nn
 
 from ..common.errors import PointglassError
 from ..common.files.atomic_write import write_atomic
-from .unet import INPUT_CHANNELS, SIZES, make_network
+from .qualities import trainable
+from .unet import INPUT_CHANNELS, make_network
 from .weights_folder import shipped
 
 FORMAT = "pointglass-weights-3"
@@ -64,7 +65,7 @@ def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
             if header.get("format") != FORMAT:
                 raise WeightsError(f"{path}: not pointglass weights (format {header.get('format')!r}, expected {FORMAT!r})")
             quality = header.get("quality", "")
-            if quality != "paper" and quality not in SIZES:
+            if quality not in trainable():
                 raise WeightsError(f"{path}: weights of an unknown network {quality!r}")
             network = make_network(quality)
             expected = network.state_dict()

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from .qualities import QUALITIES
+
 _PACKAGE = Path(__file__).resolve().parents[1]  # model/
-MIRRORED = {"best": "balanced"}
-"""Qualities that average another quality's network over mirrored pictures (model/network/reconstruct.py)."""
 
 
 def weights_dir() -> Path:
@@ -15,8 +15,8 @@ def weights_dir() -> Path:
 
 def weights_name(quality: str, *, filtered: bool) -> str:
     """Name of a shipped weights file, without its folder and suffix."""
-    quality = MIRRORED.get(quality, quality)
-    return f"{quality}-{'filtered' if filtered else 'unfiltered'}"
+    row = QUALITIES.get(quality)
+    return f"{row.mirrors if row and row.mirrors else quality}-{'filtered' if filtered else 'unfiltered'}"
 
 
 def weights_file(quality: str, *, filtered: bool) -> Path:
@@ -27,3 +27,13 @@ def weights_file(quality: str, *, filtered: bool) -> Path:
 def shipped() -> list[str]:
     """Names of the shipped weights."""
     return sorted(p.stem for p in weights_dir().glob("*.safetensors"))
+
+
+def shipped_qualities(*, trainable: bool = False) -> list[str]:
+    """Qualities whose weights for filtered pictures are shipped, in the order of the table.
+
+    trainable: only those with a network of their own.
+    """
+    there = shipped()
+    return [quality for quality, row in QUALITIES.items()
+            if weights_name(quality, filtered=True) in there and not (trainable and row.mirrors)]

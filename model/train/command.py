@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..common.seeds import MAX_SEED
 from ..data.dataset import MIN_CROP
+from ..network.qualities import DEFAULT, trainable
 
 if TYPE_CHECKING:
     from ..data.dataset import TruePlace
@@ -36,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="add N procedural places: streets, objects and rooms in turn (default 0)")
     parser.add_argument("--recipe", choices=["gpu", "night"],
                         help="train all networks; gpu: 25 minutes on one CUDA GPU, night: 10 hours on two CPU cores")
-    parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "paper"],
-                        help="size of the network (default balanced)")
+    parser.add_argument("--quality", default=DEFAULT, choices=trainable(),
+                        help=f"size of the network (default {DEFAULT})")
     parser.add_argument("--unfiltered", action="store_true", help="train for `--filter off`: input without the depth filter")
     parser.add_argument("--minutes", type=float, metavar="M",
                         help="training time (default 60; with --recipe, total time: 25 or 600)")

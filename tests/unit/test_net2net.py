@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from pointglass.model.network.unet import SIZES, CompactUNet, Size, make_network
+from pointglass.model.network.unet import CompactUNet, Size, make_network
 from pointglass.model.train.net2net import started_from, widen
 
 SMALL = Size((8, 16, 24), 1)
@@ -41,7 +41,6 @@ def test_every_new_weight_gets_a_gradient_within_a_few_steps():
 
 def test_the_balanced_size_can_start_from_fast():
     started_from(make_network("balanced"), make_network("fast"))
-    assert set(SIZES) == {"fast", "balanced"}
 
 
 def test_a_narrower_network_or_another_kind_is_refused():

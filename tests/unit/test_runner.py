@@ -10,7 +10,7 @@ from torch import nn
 
 from pointglass.model.network.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
 from pointglass.model.network.network_layout import PACKED_IN, PACKED_OUT
-from pointglass.model.network.unet import SIZES, CompactUNet, PaperUNet
+from pointglass.model.network.unet import PaperUNet, make_network
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.render.network import neural
 
@@ -175,7 +175,7 @@ def test_folded_normalisation_changes_nothing(dtype, limit):
 
 
 def test_a_network_without_normalisation_is_left_alone():
-    network = CompactUNet(SIZES["fast"]).eval()
+    network = make_network("fast").eval()
     before = copy.deepcopy(network.state_dict())
     after = fold_normalisation(network).state_dict()
     assert list(before) == list(after) and all(torch.equal(before[name], after[name]) for name in before)

@@ -61,7 +61,7 @@ class RenderSettings(TypedDict, total=False):
     """Keyword arguments of :meth:`Scan.render`: the fields of viewer.picture.settings.Settings but the view, whose tables say
     what each choice means (so does ``pointglass render --help``).
 
-    quality: fast, balanced, best or paper: which network.  detail: from 0 (smooth) to 2 (every measured grain); 1: by the
+    quality: which network.  detail: from 0 (smooth) to 2 (every measured grain); 1: by the
     scan's noise.  weights: a weights file of your own.  precision: auto, fp32, bf16 or fp16.  device: auto, cuda or cpu; of the
     network.  filter: auto, paper-code, paper-text, npbg++ or off.  filter_strength: multiplies the depth tolerance.
     filter_levels: pyramid levels, None: the filter's own.  lod: points drawn per pixel, None: every point.

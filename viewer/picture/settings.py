@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Literal
 
+from ...model.network.qualities import DEFAULT, QUALITIES
 from ..common.errors import InputError
 
 View = Literal["raw", "filtered", "filled", "neural"]
@@ -28,12 +29,6 @@ FILTERS: dict[str, str] = {
     "paper-text": "the method as the paper describes it: both edge cases, no absolute threshold",
     "npbg++": "the single-level test of NPBG++, exp(zmin - z)",
     "off": "no filter; the neural view is experimental without one",
-}
-QUALITIES: dict[str, str] = {
-    "fast": "the smallest network",
-    "balanced": "the default network",
-    "best": "the default network on four mirrored copies, averaged; more accurate, takes four times as long",
-    "paper": "the paper's 31M-parameter U-Net",
 }
 SOFT_Z: dict[str, str] = {
     "auto": "depth tolerance relative to depth, at least the point spacing",
@@ -86,7 +81,7 @@ class Settings:
     filter_levels: int | None = None
     lod: float | None = None
     detail: float = 1.0
-    quality: str = "balanced"
+    quality: str = DEFAULT
     device: str = "auto"
     soft_z: str = "auto"
     stations: str = "auto"
@@ -125,7 +120,7 @@ CHOICES: dict[str, dict[str, str]] = {
     "view": VIEWS,
     "raster": RASTERS,
     "filter": FILTERS,
-    "quality": QUALITIES,
+    "quality": {name: row.text for name, row in QUALITIES.items()},
     "device": DEVICES,
     "precision": PRECISIONS,
     "soft_z": SOFT_Z,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.scanner_positions import stations_differ
+from ....model.network.qualities import DEFAULT, QUALITIES
 from ...common.errors import InputError
 from ...common.progress import progress
 from ...picture.camera import Camera
@@ -129,18 +130,18 @@ def _check_group(only: str, table: list[Approximation]) -> None:
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
     """All approximations over the eight named views of a scan.  only: one group.  Raises InputError for an unknown group."""
     from ....model.network.reconstruct import fast_precision
-    from ....model.network.weights_folder import shipped, weights_name
+    from ....model.network.weights_folder import shipped_qualities
     from ...render.device.context import create_context
     from ...render.network.neural import load_network
     from ..int8 import Int8Error, quantised
 
     if only is not None:  # before anything is loaded
-        _check_group(only, approximations(["balanced", "fast"], ["bf16", "int8"], True))
+        _check_group(only, approximations(list(QUALITIES), ["bf16", "int8"], True))
     scene = subject.scene()
     context = create_context()
     exact = BenchRenderer(context, scene, device="cpu")
     cameras = named_views(scene, size)
-    qualities = [q for q in ("balanced", "fast", "best", "paper") if weights_name(q, filtered=True) in shipped()]
+    qualities = sorted(shipped_qualities(), key=lambda quality: quality != DEFAULT)  # the default first
     precisions = [p for p in ("bf16", "fp16") if p == fast_precision("cpu") or p == "fp16"]
     left_out: list[str] = []
     int8 = None

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.evaluation.open3d_points import POINT_SIZES
+from ....model.network.qualities import DEFAULT
+from ....model.network.weights_folder import shipped_qualities
 from ...common.progress import progress
 from ...picture.settings import Settings
 from ...work.places.viewpoints import camera_path
@@ -33,8 +35,6 @@ FAIR = 0.4
 """Least share of the matrix rate that the paper's network must reach.  Chosen by hand."""
 PAPER = "paper, as published"
 """Name of the paper's pipeline in tables."""
-QUALITIES = ("balanced", "fast")
-"""Our networks that are compared."""
 FRAMES = {"cuda": 48, "cpu": 4}
 """Default number of cameras by device: on a CPU, a frame of the paper's network takes seconds."""
 
@@ -89,7 +89,8 @@ def _run(context: "moderngl.Context", scene: "Scene", renderer: "Renderer", open
     precision, tried = fastest_precision(device, size)
     network = PaperNetwork(size, device, PRECISIONS[precision])
     paper = Published(context, scene, network)
-    ours = {f"ours, {quality}": replace(settings, view="neural", quality=quality) for quality in QUALITIES}
+    compared = sorted(shipped_qualities(trainable=True), key=lambda quality: quality != DEFAULT)  # the default first
+    ours = {f"ours, {quality}": replace(settings, view="neural", quality=quality) for quality in compared}
     spent: dict[str, list[dict[str, float]]] = {name: [] for name in (*ours, PAPER)}
     names = {}
     before = _rates(network, size)

@@ -43,6 +43,7 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     Returns rows, failed (their names), curves, network (table), opengl, size, seed.
     """
+    from ....model.network.qualities import trainable
     from ....model.network.weights_folder import shipped, weights_name
     from ...render.device.context import create_context, describe_device
 
@@ -59,7 +60,7 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     def networks() -> list[dict]:
         found = []
-        for quality, filtered in itertools.product(("fast", "balanced"), (True, False)):
+        for quality, filtered in itertools.product(trainable(), (True, False)):
             if (name := weights_name(quality, filtered=filtered)) in shipped():
                 more, made = network_rows(seed, (112, 80), quality, filtered=filtered)
                 found += more

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....model.network.qualities import DEFAULT
 from ...common.errors import InputError
 from ...common.progress import progress
 from ...common.text import counted
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         check_output(options.plot, (".png",))
     if ignored := [f"--{name.replace('_', '-')}" for name, default in _IGNORED.items() if getattr(options, name) != default]:
         print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
-    files = options.weights or [weights_file("balanced", filtered=True)]
+    files = options.weights or [weights_file(DEFAULT, filtered=True)]
     from ....model.evaluation.heldout_report import format_withheld
 
     result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),

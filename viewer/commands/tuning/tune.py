@@ -8,8 +8,9 @@ import torch
 from ....model.common.files.folders import made_folder
 from ....model.common.files.temporary import temporary_folder
 from ....model.evaluation.metrics.image_metrics import masked_psnr
+from ....model.network.qualities import DEFAULT
 from ....model.network.weights import load_weights, save_weights
-from ....model.network.weights_folder import weights_file, weights_name
+from ....model.network.weights_folder import shipped_qualities, weights_file, weights_name
 from ....model.train.trainer import TrainConfig, train
 from ...common.errors import InputError
 from ...common.file_names import safe_name
@@ -43,7 +44,7 @@ def material_of(path: Path, seed: int) -> Material:
     return withheld_points(path, seed)
 
 
-def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minutes: float = 10.0,
+def tune(scan: Path, out: Path | None = None, *, quality: str = DEFAULT, minutes: float = 10.0,
          perceptual: Path | None = None, seed: int = 1, steps: int = 20_000, device: str = "auto") -> Path:  # fmt: skip
     """Fine-tunes the shipped weights on ``scan`` and writes ``NAME-QUALITY-filtered.safetensors``.
 
@@ -53,7 +54,8 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     """
     shipped = weights_file(quality, filtered=True)
     if not shipped.is_file():
-        raise InputError(f"no weights are shipped for quality {quality!r}; choose fast or balanced")
+        there = " or ".join(shipped_qualities(trainable=True))
+        raise InputError(f"no weights are shipped for quality {quality!r}; choose {there}")
     if not (np.isfinite(minutes) and minutes > 0):
         raise InputError(f"--minutes {minutes:g}: expected more than 0")
     material = material_of(scan, seed)

@@ -9,8 +9,10 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
+from ....model.network.qualities import QUALITIES
+from ....model.network.weights_folder import weights_file
 from ...picture.background import COLOURS
-from ...picture.settings import BACKGROUNDS, QUALITIES, VIEWS, Settings
+from ...picture.settings import BACKGROUNDS, CHOICES, VIEWS, Settings
 from ..kit import theme
 from ..kit.theme import Theme
 from ..kit.widgets import (  # fmt: skip
@@ -83,8 +85,8 @@ def draw_look_panel(session: Session, look: Theme) -> None:
 def _look(session: Session, new: Settings, look: Theme) -> Settings:
     chosen = session.view_settings
     neural = "neural" in (new.view, *chosen.sides)
-    label("quality", QUALITIES[new.quality], look)
-    quality = combo("##quality", new.quality, QUALITIES, look, disabled=missing_qualities(new))
+    label("quality", CHOICES["quality"][new.quality], look)
+    quality = combo("##quality", new.quality, CHOICES["quality"], look, disabled=missing_qualities(new))
     if quality != new.quality:
         new = replace(new, quality=quality)
     label("detail", _NO_NETWORK if not neural else "From smooth to every measured grain; in the middle, what the scan's noise "
@@ -162,8 +164,6 @@ def missing_qualities(settings: Settings) -> dict[str, str]:
     """Qualities without weights -> the reason."""
     if settings.weights is not None:
         return {}
-    from ....model.network.weights_folder import weights_file
-
     files = {quality: weights_file(quality, filtered=settings.filter != "off") for quality in QUALITIES}
     return {
         quality: f"No weights of this network are shipped ({path.name})."

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ....model.network.qualities import stand_ins
+from ....model.network.weights_folder import weights_file
 from ...common.errors import Cancelled, PointglassError
 from ...picture.settings import Settings
 from ...work.moved_scans import MissingScans
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from .recovery import Recoverable
 
 
-_SMALLER = {"fast": (), "balanced": ("fast",), "best": ("balanced", "fast"), "paper": ("fast",)}
-"""Quality -> those of smaller networks, the largest first."""
 _PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
@@ -89,12 +89,10 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
 def smaller_networks(settings: Settings) -> tuple[str, ...]:
     """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
     for the same input; none for a person's own weights."""
-    from ....model.network.weights_folder import weights_file
-
     if settings.weights is not None:
         return ()
     filtered = settings.filter != "off"
-    return tuple(name for name in _SMALLER[settings.quality] if weights_file(name, filtered=filtered).is_file())
+    return tuple(name for name in stand_ins(settings.quality) if weights_file(name, filtered=filtered).is_file())
 
 
 def load_network(settings: Settings) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
+from ....model.network.qualities import DEFAULT
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.settings import BACKGROUNDS, Settings
@@ -37,7 +38,7 @@ class Preferences:
     look: bool = True
     background: str = "plain"
     shot_scale: int = 1
-    quality: str = "balanced"
+    quality: str = DEFAULT
     detail: float = 1.0
 
     def __post_init__(self) -> None:

@@ -12,11 +12,13 @@ A network at a lower resolution is hardly closer than the filled view, which tak
 50 %.  At rest: four times the points, again and again, until nothing is left out or the next step would take too long; then the
 network runs, once.
 Nothing here knows a clock or a window; it learns from ``Frame.stats``.  Levels of detail: points per pixel, None draws every
-point.  Networks: qualities of viewer.picture.settings.QUALITIES.
+point.  Networks: keys of model.network.qualities.QUALITIES.
 """
 
 from collections.abc import Sequence
 from math import log2
+
+from ....model.network.qualities import QUALITIES
 
 TARGET_GPU_MS, TARGET_CPU_MS = 33.0, 66.0
 """Milliseconds a frame may take while the camera moves: 30 and 15 frames per second."""
@@ -47,8 +49,6 @@ _ALL = 1024.0  # points per pixel that no scan has
 _PIXELS_SHARE = 0.2  # of a picture's time: below it fewer points come before a lower resolution (raw)
 _OVER = 1.2  # times the points' target: above it fewer are drawn
 _SPARE = 0.45  # share of the points' target below which twice the points are drawn
-RELATIVE_TIME = {"fast": 1.0, "balanced": 2.0, "best": 8.0, "paper": 25.0}
-"""Time of the networks, the fast one's is 1: measured at 960x720 on two cores in bf16 (viewer/bench/README.md)."""
 
 
 class AdaptiveLod:
@@ -121,11 +121,11 @@ class AdaptiveLod:
         return next((name for name in usable if self._expected(name) <= NETWORK_SHARE * self.target_ms), None)
 
     def _expected(self, network: str) -> float:
-        """Milliseconds that a network takes: measured, else by RELATIVE_TIME from another's; infinite where none is known."""
+        """Milliseconds that a network takes: measured, else by the table from another's; infinite where none is known."""
         if network in self._network_ms or not self._network_ms:
             return self._network_ms.get(network, float("inf"))
         known, milliseconds = next(reversed(self._network_ms.items()))
-        return milliseconds * RELATIVE_TIME[network] / RELATIVE_TIME[known]
+        return milliseconds * QUALITIES[network].relative_time / QUALITIES[known].relative_time
 
     def ran_network(self, network: str, milliseconds: float) -> None:
         """Learns how long a network takes for one picture."""
