@@ -5,13 +5,17 @@ import sys
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from test_architecture import ORDER
 
 import pointglass
+from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.readers import formats
+from pointglass.viewer.window.interaction import table
+from pointglass.viewer.window.interaction.tool import PointerEvent, ToolContext
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / ".github" / "CONTRIBUTING.md").read_text("utf-8")
@@ -41,17 +45,22 @@ def test_the_files_that_it_names_exist():
     assert len(asked) >= 4 and asked <= targets
 
 
+def module_of(title: str, name: str, monkeypatch) -> ModuleType:
+    """The module that a recipe writes, under the dotted name that it would have below pointglass.viewer."""
+    module = module_from_spec(ModuleSpec(f"pointglass.viewer.{name}", None))
+    exec(compile(block(recipe(title), "python"), name, "exec"), module.__dict__)
+    monkeypatch.setitem(sys.modules, f"pointglass.viewer.{name}", module)
+    return module
+
+
 def test_its_reader_reads(tmp_path, monkeypatch):
-    name = "pointglass.viewer.readers.pex"
-    module = module_from_spec(ModuleSpec(name, None))
-    exec(compile(block(recipe("A reader"), "python"), name, "exec"), module.__dict__)
-    monkeypatch.setitem(sys.modules, name, module)
+    module = module_of("A reader", "readers.pex", monkeypatch)
     row = re.search(r"^\+\s+(Format\(.*\)),$", block(recipe("A reader"), "diff"), re.MULTILINE)
     assert row is not None
     monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, eval(row[1], vars(formats))))
 
     rng = np.random.default_rng(1)
-    points = np.zeros(2000, module.__dict__["_RECORD"])
+    points = np.zeros(2000, module._RECORD)
     points["xyz"], points["rgb"] = rng.uniform(0, 3, (2000, 3)), rng.integers(0, 256, (2000, 3))
     path = tmp_path / "a.pex"
     path.write_bytes(b"PEX1" + (2000).to_bytes(8, "little") + points.tobytes())
@@ -63,3 +72,21 @@ def test_its_reader_reads(tmp_path, monkeypatch):
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(pointglass.InputError, match="states 2,000 points, the file has 1,999"):
         pointglass.open(path, cache=False)
+
+
+def test_its_tool_answers_a_click_and_leaves_the_rest_to_flying(monkeypatch):
+    tool = module_of("A tool", "window.interaction.bearing", monkeypatch).Bearing
+    before, after = (line.strip(" -+,").split(", ") for line in block(recipe("A tool"), "diff").splitlines())
+    assert [made.__name__ for made in table.TOOLS] == before and [name for name in after if name != "Bearing"] == before
+    monkeypatch.setattr(table, "TOOLS", (*table.TOOLS[:3], tool, *table.TOOLS[3:]))
+    assert tool.name not in {made.name for made in table.TOOLS if made is not tool}
+
+    said = []
+    camera = from_fov(400, 300, 60.0, look_at((0, 0, 0), (1, 1, 0)))  # to the north-east, level
+    context = SimpleNamespace(camera=camera, toast=said.append)
+    context.ray = lambda position: ToolContext.ray(context, position)  # type: ignore[arg-type]
+    box = table.toolbox()
+    box.active = next(each for each in box.tools if each.name == "bearing")
+    assert not box.active.pointer(PointerEvent("press", (200.0, 150.0), button="left"), context)  # type: ignore[arg-type]
+    click = PointerEvent("release", (200.0, 150.0), button="left", clicks=1)
+    assert box.active.pointer(click, context) and said == ["azimuth 45.0°, elevation 0.0°"]  # type: ignore[arg-type]
