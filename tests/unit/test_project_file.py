@@ -1,5 +1,6 @@
 """Project files: opened exactly as left, moved with their scans, and damaged ones refused in one line."""
 
+import hashlib
 import json
 import shutil
 
@@ -142,8 +143,26 @@ def test_another_file_of_the_same_name_is_not_taken_for_the_scan(tmp_path):
     assert "12 bytes" in difference(other, document.scans[0].path, place)
     assert difference(scan, document.scans[0].path, place) == ""
     data = json.loads(project.read_text())
-    assert data["places"] == [{"absolute": str(scan), "relative": "../far/scans/a.laz", "size": 5}]
+    ends = hashlib.sha256(b"xxxxx" * 2).hexdigest()  # the first and the last 64 KiB are the same five bytes
+    assert data["places"] == [{"absolute": str(scan), "relative": "../far/scans/a.laz", "size": 5, "ends": ends}]
     del data["places"]  # as older versions wrote it: the name is all there is
+    project.write_text(json.dumps(data))
+    assert read_project(project).scans[0].path == str(other)
+
+
+@pytest.mark.parametrize("at", [0, 100_000, 199_999])
+def test_another_scan_of_the_same_name_and_size_is_told_apart_by_its_ends(tmp_path, at):
+    scan, project = moved_scan(tmp_path, size=200_000)
+    content = bytearray(scan.read_bytes())
+    content[at] ^= 1
+    scan.unlink()
+    other = tmp_path / "job" / "a.laz"
+    other.write_bytes(content)
+    (place,), inside = places_in(project).values(), at == 100_000
+    assert ("contents are others" in difference(other, str(scan), place)) != inside, "the middle is not compared"
+    assert (read_project(project).scans[0].path == str(other)) == inside
+    data = json.loads(project.read_text())
+    del data["places"][0]["ends"]  # as older versions wrote it
     project.write_text(json.dumps(data))
     assert read_project(project).scans[0].path == str(other)
 

@@ -251,9 +251,13 @@ def test_captures_never_overwrite_and_leave_nothing_half_written(tmp_path):
     image = np.zeros((2, 2, 3), np.uint8)
     paths = []
     for _ in range(3):
-        paths.append(stamped("pointglass", ".png", tmp_path))
-        save_png(paths[-1], image)
-    assert len(set(paths)) == 3 and sorted(tmp_path.iterdir()) == sorted(paths)
+        with stamped("pointglass", ".png", tmp_path) as path, stamped("pointglass", ".png", tmp_path) as other:
+            paths.append(path)
+            save_png(path, image)
+            assert other != path, "as by another window in the same second"
+    assert len(set(paths)) == 3 and sorted(tmp_path.iterdir()) == sorted(paths), "the other names are free again"
+    with pytest.raises(InputError, match="cannot be written"), stamped("pointglass", ".png", tmp_path / "no"):
+        raise AssertionError("no name was reserved")
     with pytest.raises(InputError, match="cannot be written"):
         save_png(tmp_path / "no" / "folder.png", image)
 

@@ -87,12 +87,18 @@ def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> Non
 
 def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
     from pointglass.viewer.picture.background import composite
+    from pointglass.viewer.window.panels.status_bar import _columns
+
+    def counted() -> str:
+        return next(column.text for column in _columns(d.session, None) if " of " in column.text)
 
     before = shown(d)
+    assert not counted().startswith("up to")
     d.key("B")
     tool = d.app.toolbox.active
     tool.add(d.app.tools, "upright")
     found, session = shown(d), d.session
+    assert counted().startswith("up to"), "a clip takes some of them away"
     camera = session.camera.resized(*session.area.window_size)
     frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, edits=session.work.edits)
     assert np.array_equal(found, composite(frame.image("filled"))) and not np.array_equal(found, before)

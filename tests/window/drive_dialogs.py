@@ -167,6 +167,14 @@ def check_a_moved_scan_is_located(p: Person, folder: Path) -> None:
     p.key("Return")
     p.d.until(lambda: dialog.doubt is not None)
     assert "bytes" in dialog.doubt[1]
+    content = bytearray((folder / "unlike" / "renamed.ply").read_bytes())
+    content[-1] ^= 1
+    (folder / "unlike" / "as large.ply").write_bytes(content)
+    p.key("Return")
+    p.listed()
+    p.type(f"{folder}/unlike/as large.ply")
+    p.key("Return")
+    p.d.until(lambda: dialog.doubt is not None and "contents are others" in dialog.doubt[1])
     p.key("Return")
     p.listed()
     p.type(f"{folder}/unlike/renamed.ply")

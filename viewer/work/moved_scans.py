@@ -1,18 +1,22 @@
 """Scans of a project that are no longer where the project says: where they are looked for, and whether one is the same scan.
 
-A project file keeps, beside its document, the absolute and the relative path of each scan and its size in bytes ("places";
-older programs ignore it, and older projects lack it).  A scan is looked for at its stored path, at its absolute and relative
-place, and below the folder of the project and the two above it under the last names of its old path, so that a project finds
-its scans where both were moved together or the scan lies beside it.  A file found elsewhere than stored counts only where its
-size is the recorded one.
+A project file keeps, beside its document, the absolute and the relative path of each scan, its size in bytes, and the SHA-256
+of its first and last 64 KiB ("places"; older programs ignore it, and older projects lack it, or the last).  A scan
+is looked for at its stored path, at its absolute and relative place, and below the folder of the project and the two above it
+under the last names of its old path, so that a project finds its scans where both were moved together or the scan lies beside
+it.  A file found elsewhere than stored counts only where size and checksum are the recorded ones.
 """
 
+import hashlib
 import os
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..common.errors import InputError
 
+ENDS = 64 << 10
+"""Bytes at either end of a scan that are compared; headers and the last points differ between scans."""
 FOLDERS_UP = 2
 """Folders above the project in which scans are looked for."""
 _NAMES = 6
@@ -22,11 +26,12 @@ _NAMES = 6
 @dataclass(frozen=True)
 class ScanPlace:
     """absolute, relative: paths of a scan as they were when the project was saved, the latter to the project's folder, ""
-    across drives.  size: bytes of a file, None of a folder and where it was not there."""
+    across drives.  size: bytes of a file, None of a folder and where it was not there.  ends: its checksum (ends_of)."""
 
     absolute: str = ""
     relative: str = ""
     size: int | None = None
+    ends: str = ""
 
 
 class MissingScans(InputError):
@@ -47,6 +52,28 @@ def size_of(path: Path) -> int | None:
         return None
 
 
+def ends_of(path: Path) -> str:
+    """SHA-256 of the first and the last ENDS bytes of a file, which tells scans of the same size apart without reading all of
+    them; "" of a folder, and where it cannot be read."""
+    try:
+        if not path.is_file():
+            return ""
+        stat = path.stat()
+        return _ends(path, stat.st_size, stat.st_mtime_ns)
+    except (OSError, ValueError):
+        return ""
+
+
+@lru_cache(4096)
+def _ends(path: Path, size: int, _changed: int) -> str:
+    """Read once while a file stays as it is: a project may have hundreds of scans, on a slow disk."""
+    with path.open("rb") as file:
+        digest = hashlib.sha256(file.read(ENDS))
+        file.seek(max(size - ENDS, 0))
+        digest.update(file.read(ENDS))
+    return digest.hexdigest()
+
+
 def place_of(path: str, project: Path) -> ScanPlace:
     """The place of a scan, seen from the folder of a project file that is written."""
     whole, folder = os.path.abspath(path), os.path.abspath(project.parent)
@@ -54,16 +81,17 @@ def place_of(path: str, project: Path) -> ScanPlace:
         relative = Path(os.path.relpath(whole, folder)).as_posix()
     except ValueError:  # another drive
         relative = ""
-    return ScanPlace(Path(whole).as_posix(), relative, size_of(Path(whole)))
+    return ScanPlace(Path(whole).as_posix(), relative, size_of(Path(whole)), ends_of(Path(whole)))
 
 
 def places_from(data) -> list[ScanPlace]:
     """The places in a parsed project file; what is damaged there counts as unknown: it only helps to find scans."""
     def place(row) -> ScanPlace:
         row = row if isinstance(row, dict) else {}
-        absolute, relative = (value if isinstance(value := row.get(name), str) else "" for name in ("absolute", "relative"))
+        absolute, relative, ends = (value if isinstance(value := row.get(name), str) else ""
+                                    for name in ("absolute", "relative", "ends"))
         size = row.get("size")
-        return ScanPlace(absolute, relative, size if type(size) is int and size >= 0 else None)
+        return ScanPlace(absolute, relative, size if type(size) is int and size >= 0 else None, ends)
 
     return [place(row) for row in data] if isinstance(data, list) else []
 
@@ -75,7 +103,7 @@ def found_scan(project: Path, stored: str, place: ScanPlace) -> Path:
     if _exists(first):
         return first
     for other in _elsewhere(project, stored, place):
-        if _exists(other) and (place.size is None or size_of(other) == place.size):
+        if _exists(other) and place.size in (None, size_of(other)) and place.ends in ("", ends_of(other)):
             return other
     return first
 
@@ -85,6 +113,8 @@ def difference(path: Path, stored: str, place: ScanPlace) -> str:
     name, size = _names(stored)[-1:], size_of(path)
     if place.size is not None and size is not None and size != place.size:
         return f"It has {size:,} bytes; the scan of the project had {place.size:,}."
+    if place.ends and ends_of(path) not in ("", place.ends):
+        return "It is as large as the scan of the project, but its contents are others: another scan, or one changed since."
     if name and path.name != name[0] and (place.size is None or size is None):
         return f"Its name is not {name[0]}."
     return ""

@@ -2,7 +2,7 @@
 
 ``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.work.document,
 clips carry their ``type``.  Paths of scans and of weights are relative to the project file, with ``/``, where at most two
-folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, and its size
+folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its size and a checksum
 (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
 """
 

@@ -48,6 +48,20 @@ def temporary_folder(target: Path, *, sources: Iterable[Path] = ()) -> Iterator[
         yield path
 
 
+@contextlib.contextmanager
+def reserved(paths: Iterable[Path]) -> Iterator[Path]:
+    """The first of ``paths`` where nothing lies yet, as an empty file: no other process takes that name meanwhile.  Where it is
+    still empty at the end of the block, or the process is stopped, it goes again.  Raises OSError."""
+    for path in paths:
+        with contextlib.suppress(FileExistsError):
+            _new_file(path, 0o666)
+            break
+    else:
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+    with cleaned(lambda: _remove(path) if path.is_file() and not path.stat().st_size else None):
+        yield path
+
+
 def allowed(sources: Iterable[Path]) -> int:
     """Permission bits that what is made of ``sources`` may have: those of a class of users that may read every source."""
     bits = 0o777

@@ -8,7 +8,7 @@ from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import FLOATING, MARGIN, PASSIVE
 from ..session.session import Session
-from .status_bar import count_text
+from .status_bar import drawn_text
 from .view_switch import TITLES
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
@@ -58,7 +58,7 @@ def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
         imgui.end_table()
     imgui.dummy(ImVec2(0, px(1)))
     rows = [
-        ("points", f"{count_text(stats['points_drawn'])} of {count_text(stats['points_total'])}"),
+        ("points", drawn_text(stats["points_drawn"], stats["points_total"], fewer=session.work.edits.drops)),
         ("raster", f"{stats['raster']} on {_short(stats['opengl'])}"),
         ("size", f"{session.area.size[0]} × {session.area.size[1]}"),
         ("speed", session.speed_text),

@@ -19,6 +19,11 @@ def count_text(number: int) -> str:
     return str(number)
 
 
+def drawn_text(drawn: int, total: int, *, fewer: bool) -> str:
+    """How many points are drawn.  fewer: clips or hidden scans take some of them away, point by point, where nobody counts."""
+    return f"{'up to ' if fewer else ''}{count_text(drawn)} of {count_text(total)}"
+
+
 def coordinates_text(point: np.ndarray | None, metres_per_unit: float | None) -> str:
     """A measured point in the file's coordinates, to a millimetre where the unit is known."""
     if point is None:
@@ -60,7 +65,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         state = "exact" if session.screen.exact and not approximations else "at rest"
     rough = ", approximate" if approximations and state != "refining…" else ""
     drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
-    rate = f"{fps:.0f} frames/s" if fps else ""
+    rate, drops = f"{fps:.0f} frames/s" if fps else "", session.work.edits.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     return [
         _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,
@@ -69,7 +74,8 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
                 "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
         _Column(state + rough, 176, text, bool(approximations)),
-        _Column(f"{count_text(drawn)} of {count_text(total)}" if total else "", 140, "Points drawn, of all points"),
+        _Column(drawn_text(drawn, total, fewer=drops) if total else "", 160, "Points drawn, of all points"
+                + drops * ": those in view before clips and hidden scans take points away"),
         _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),
     ]
 

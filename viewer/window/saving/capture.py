@@ -1,13 +1,17 @@
 """What a person keeps: screenshots as PNG and frame times as CSV, written beside and renamed, never half there."""
 
+import contextlib
 import csv
 import io
+import itertools
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
+from ....model.common.files.temporary import reserved
 from ...common.errors import InputError
 from ...common.files import write_png
 
@@ -19,13 +23,19 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def stamped(prefix: str, suffix: str, folder: Path) -> Path:
-    """``prefix-YYYYmmdd-HHMMSS.suffix`` in ``folder``, with a number where that is taken."""
+@contextlib.contextmanager
+def stamped(prefix: str, suffix: str, folder: Path) -> Iterator[Path]:
+    """``prefix-YYYYmmdd-HHMMSS.suffix`` in ``folder``, with a number where that is taken, also by another window that saves in
+    the same second: the name is reserved within the block.  Raises InputError where the folder cannot be written."""
     stem = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S}"
-    path, number = folder / f"{stem}{suffix}", 2
-    while path.exists():
-        path, number = folder / f"{stem}-{number}{suffix}", number + 1
-    return path
+    first = folder / f"{stem}{suffix}"
+    with contextlib.ExitStack() as stack:
+        try:
+            path = stack.enter_context(reserved(
+                first if number == 1 else folder / f"{stem}-{number}{suffix}" for number in itertools.count(1)))  # fmt: skip
+        except OSError as error:
+            raise _unwritable(first, error) from None
+        yield path
 
 
 def write_beside(path: Path, data: bytes) -> None:

@@ -4,6 +4,7 @@ A picture of the window's size is read from the screen; larger ones and panorama
 """
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 from ...common.errors import PointglassError
@@ -32,6 +33,7 @@ class SaveActions:
     def __init__(self, session: Session, viewport: Viewport, files: FileDialogs, folder: Path | None = None):
         self._session, self._painter, self._files, self._usual = session, viewport, files, folder
         self.still: Worker | None = None
+        self._name = ExitStack()  # keeps the name of the still reserved
 
     @property
     def folder(self) -> Path:
@@ -51,16 +53,17 @@ class SaveActions:
             self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
             return None
         try:
-            path = capture.stamped("pointglass", ".png", self.folder)
-            shot = shot_of(self._session, path.stem)
-            if shot is not None and self._session.work.shot_scale > 1:
-                return self._begin(StillJob(self._session.scene, shot, path))
-            made = saved_picture(self._session, self._painter, path.stem)
-            if made is None:
-                return None
-            image, shot = made
-            text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
-            capture.save_png(path, image, text)
+            with ExitStack() as name:
+                path = name.enter_context(capture.stamped("pointglass", ".png", self.folder))
+                shot = shot_of(self._session, path.stem)
+                if shot is not None and self._session.work.shot_scale > 1:
+                    return self._begin(StillJob(self._session.scene, shot, path), name)
+                made = saved_picture(self._session, self._painter, path.stem)
+                if made is None:
+                    return None
+                image, shot = made
+                text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
+                capture.save_png(path, image, text)
         except PointglassError as error:
             self._session.notices.say("No screenshot was saved", str(error))
             return None
@@ -72,18 +75,25 @@ class SaveActions:
 
     def panorama(self, size: tuple[int, int]) -> Path | None:
         """Begins a 360-degree picture around the camera, ``size`` pixels.  Returns its path, None where there is none."""
-        path = capture.stamped("pointglass-panorama", ".png", self.folder)
-        shot = shot_of(self._session, path.stem)
-        if shot is None or self._session.scene is None:
-            self._session.notices.toast("A panorama shows no tint and no photograph: put them away first")
+        try:
+            with ExitStack() as name:
+                path = name.enter_context(capture.stamped("pointglass-panorama", ".png", self.folder))
+                shot = shot_of(self._session, path.stem)
+                if shot is None or self._session.scene is None:
+                    self._session.notices.toast("A panorama shows no tint and no photograph: put them away first")
+                    return None
+                return self._begin(StillJob(self._session.scene, shot, path, panorama=size), name)
+        except PointglassError as error:
+            self._session.notices.say("No panorama was saved", str(error))
             return None
-        return self._begin(StillJob(self._session.scene, shot, path, panorama=size))
 
-    def _begin(self, job: StillJob) -> Path | None:
+    def _begin(self, job: StillJob, name: ExitStack) -> Path | None:
+        """Begins a still.  name: what keeps its name reserved, until it is saved."""
         if self.still is not None:
             self._session.notices.toast("The last picture is still being rendered")
             return None
         width, height = job.panorama or (job.shot.camera.width, job.shot.camera.height)
+        self._name = name.pop_all()
         self.still = still_worker(job, self._session.loads.wake)
         self._session.notices.toast(f"Rendering {width} x {height} pixels beside the window…")
         return job.out
@@ -93,6 +103,7 @@ class SaveActions:
         if self.still is None or not self.still.finished:
             return
         done, self.still = self.still, None
+        self._name.close()
         if done.error is not None:
             self._session.notices.say("The picture was not saved", done.error)
         else:
@@ -102,6 +113,7 @@ class SaveActions:
         """Waits a little for a picture that is being rendered; the file appears whole or not at all."""
         if self.still is not None:
             self.still.join(_LAST_WAIT)
+        self._name.close()
 
     def record(self) -> Path | None:
         """Starts recording frame times, or stops and saves them."""
@@ -119,10 +131,10 @@ class SaveActions:
         if not len(times):
             session.notices.toast("No frame was drawn meanwhile: nothing saved")
             return None
-        path = capture.stamped("pointglass-frames", ".csv", self.folder)
         try:
-            times.save(path)
-            times.plot(path.with_suffix(".png"))
+            with capture.stamped("pointglass-frames", ".csv", self.folder) as path:
+                times.save(path)
+                times.plot(path.with_suffix(".png"))
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None
