@@ -71,6 +71,18 @@ def test_every_point_format_is_decoded_exactly_in_pieces_of_any_size(tmp_path, s
         assert third == points.read(sum(chunks[:3]), sum(chunks[:4]))
 
 
+@pytest.mark.parametrize(("soon", "kept"), [(10_000, True), (100, False)])
+def test_a_process_is_kept_where_a_reader_stops_early_and_its_answer_comes_soon(monkeypatch, tmp_path, seed, soon, kept):
+    monkeypatch.setattr(laz_points, "_SOON", soon)
+    laz_points._end_all()
+    points, raw = made(tmp_path, seed, point_format=7, extra=0, chunks=[400, 400, 400], kind="random")
+    blocks = points.blocks(400)
+    first = next(blocks)
+    blocks.close()
+    assert len(laz_points._idle) == kept
+    assert first + points.read(400, 1200) == raw  # no answer is left over for the next request
+
+
 def streams_of(points: LazPoints) -> list[int]:
     """The bytes at which the streams of the first chunk begin."""
     layers = layers_of(points.record)

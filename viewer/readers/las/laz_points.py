@@ -11,7 +11,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,6 +25,7 @@ from . import laz_worker
 ALL = 0xFFFFFFFF
 """Every field of a point; the bits are those of lazrs (DecompressionSelection)."""
 _PIPE = 1 << 20  # bytes that a process may write before they are read
+_SOON = 50_000  # points that are decoded in the time that a process takes to start, at a million a second
 _MOST_CHUNKS = 4096  # of a request, so that it stays short; chosen by hand
 
 _idle: list[subprocess.Popen] = []
@@ -52,17 +53,24 @@ class LazPoints:
         where a chunk is damaged.  fields: what is decoded; others repeat those of an earlier point."""
         waiting: list[int] = []
         with _process() as process:
-            for request, count in self._requests(most, fields):
+            try:
+                for request, count in self._requests(most, fields):
+                    if waiting:
+                        found = _answer(process, waiting.pop() * self.length)
+                        _ask(process, request)
+                        waiting.append(count)
+                        yield found
+                    else:
+                        _ask(process, request)
+                        waiting.append(count)
                 if waiting:
-                    found = _answer(process, waiting.pop() * self.length)
-                    _ask(process, request)
-                    waiting.append(count)
-                    yield found
-                else:
-                    _ask(process, request)
-                    waiting.append(count)
-            if waiting:
-                yield _answer(process, waiting.pop() * self.length)
+                    yield _answer(process, waiting.pop() * self.length)
+            except GeneratorExit:  # no more is wanted: the process is kept where its answer comes sooner than a new one starts
+                if sum(waiting) > _SOON:
+                    raise
+                for count in waiting:
+                    with suppress(LazError):
+                        _answer(process, count * self.length)
 
     def _requests(self, most: int, fields: int) -> Iterator[tuple[dict, int]]:
         """Yields requests, and the number of points of each: of whole chunks, or of parts of a large one."""
