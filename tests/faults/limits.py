@@ -81,7 +81,7 @@ def little_memory(product: Product, work: Path, name: str, rng: random.Random) -
 def _of_memory(ended: Ended, out: Path) -> str:
     if ended.code == 0:
         return f"left {left}" if (left := left_in(out)) else ""
-    wrong = refused(ended, (2, 3))
+    wrong = refused(ended, (2,))
     if not wrong and ("damaged" in ended.err or "truncated" in ended.err):
         wrong = f"a good scan is called damaged: {ended.err[-300:]!r}"
     return wrong or (f"left {left}" if (left := left_in(out)) else "")

@@ -9,6 +9,7 @@ attributes, 16 bits: intensity, or class << 8 | quantised intensity (viewer.prep
 A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from the measured one.
 """
 
+import mmap
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -166,6 +167,14 @@ def refuse_changed_file(array: np.ndarray) -> None:
     if mapped is not None and len(mapped) > mapped.size():  # of the open file, whatever has its name now
         name = getattr(array, "filename", None) or "the grid"
         raise InputError(f"{name}: was truncated while it was open; open the scan again, which builds its grid anew")
+
+
+def let_go(*arrays: np.ndarray | None) -> None:
+    """Drops the pages of memory maps from this process's memory; their files keep them."""
+    for array in arrays:
+        mapped: Any = getattr(array, "_mmap", None)
+        if mapped is not None and array.mode != "c" and hasattr(mmap, "MADV_DONTNEED"):  # type: ignore[union-attr]
+            mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:

@@ -103,6 +103,13 @@ class Source:
             columns = {name: np.asarray(values) for name, values in known.items() if values is not None}
             yield Records(chunk.xyz, chunk.rgb, chunk.scan, columns)
 
+    def column_chunks(self, name: str) -> Iterator[Records]:
+        """Yields the points of ``record_chunks``, in pieces of any size, with ``xyz`` and the one column of this name ("xyz",
+        "rgb" or another); others may be missing.  Formats in which fields can be left out override it."""
+        if name == "xyz":
+            return (Records(chunk.xyz, scan=chunk.scan) for chunk in self.chunks())
+        return self.record_chunks()
+
     def records(self, numbers: np.ndarray) -> Records:
         """The records with these running numbers, (n,) int64 ascending, each once; number i is the i-th point of ``chunks``.
 

@@ -4,7 +4,8 @@ The packed grid is an index for drawing; what is shown of single points, measure
 through the running numbers that the grid keeps (viewer.grid.records.point_records).  Where that is impossible (a file is gone
 or has changed, the grid was made by an earlier version) the values are the grid's, and ``PointValues.note`` says so, with their
 precision.  Frame: file coordinates.  Memory: the result, blocks of decoded records (viewer.readers.record_blocks), and where
-most of a scan is read one chunk and four bytes a point.  Safe from any thread.
+most of a scan is read a small piece of a file, one column of it where one is asked for, and a quarter byte a point.  Safe from
+any thread.
 """
 
 import logging
@@ -16,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
-from ...readers.source import AS_STORED, Chunk, Records, Source
-from ..scene import Scene, attributes_of, colours, packed, positions, scan_numbers
+from ...readers.source import AS_STORED, Records, Source
+from ..scene import Scene, attributes_of, colours, let_go, packed, positions, scan_numbers
 from .gathered_columns import GatheredColumns
 from .point_records import identity_of
 from .record_lookup import Lookup, SortedNumbers, lookup_of
@@ -28,7 +29,7 @@ from their beginnings.  Chosen by hand."""
 _SHARE = 8  # one in this many points, from which a file is read from its beginning; chosen by hand
 _BATCH = 1 << 20  # points of the grid's own arrays that are worked on at a time
 _CHECKED = 64  # records of a chunk, about, whose positions are compared with the grid's
-_PICKED = 1 << 16  # records that are read at a time where not all are wanted
+_PICKED = 1 << 15  # records that are read at a time where not all are wanted
 _log = logging.getLogger(__name__)
 
 
@@ -71,10 +72,10 @@ class FileRecords:
 
         index: slice, or (n,) whole numbers from 0, in any order.
         """
-        found, rows = self._gathered(index, None)
+        found, missing = self._gathered(index, None)
         columns = found.finished()
         xyz, rgb = columns.pop("xyz"), columns.pop("rgb", None)
-        return PointValues(xyz, rgb, self.stations(index), self._sources(index, rows), columns, found.note)
+        return PointValues(xyz, rgb, self.stations(index), self._sources(index, missing), columns, found.note)
 
     def column(self, index: Any, name: str) -> tuple[np.ndarray | None, str | None]:
         """One column of the points, or None where no file has it, and the note as in PointValues.
@@ -145,44 +146,46 @@ class FileRecords:
             _log.warning("%s", error)
             return None
 
-    def _sources(self, index: Any, exact: np.ndarray) -> np.ndarray:
-        """(n,) int64.  exact: (n,) bool, which points were read from their file."""
-        if self._records is None or not exact.any():
-            return np.full(len(exact), -1, np.int64)
-        return np.where(exact, self._records.places(self._records.numbers(index))[0], -1)
+    def _sources(self, index: Any, missing: np.ndarray) -> np.ndarray:
+        """(n,) int64.  missing: the rows that were not read from their file."""
+        count = _length(index, self._scene.count)
+        if self._records is None or len(missing) == count:
+            return np.full(count, -1, np.int64)
+        found = self._records.places(self._records.numbers(index))[0]
+        found[missing] = -1
+        return found
 
     def _gathered(self, index: Any, name: str | None) -> tuple[GatheredColumns, np.ndarray]:
-        """The wanted column, or all, and which points (n,) were read from their file.  The others are the grid's."""
+        """The wanted column, or all, and the rows (m,) that were not read from their file.  Those are the grid's."""
         count = _length(index, self._scene.count)
-        found, exact = GatheredColumns(count, None if name is None else {name}), np.zeros(count, bool)
-        why: list[str] = []
+        found, why = GatheredColumns(count, name), []
         try:
             if self._records is None:
                 raise InputError("this grid was made by an earlier version, without record numbers; convert the scan again")
-            self._from_files(index, count, found, exact, why)
+            missing = self._from_files(index, count, found, why)
         except InputError as error:
             why.append(str(error))
-        if not exact.all():
-            self._fill_from_grid(index, found, exact)
+            missing = np.arange(count)
+        if len(missing):
+            found.forget(missing)
+            self._fill_from_grid(index, found, missing)
             others = f" (and {len(why) - 1} more)" if len(why) > 1 else ""
             found.note = f"{why[0]}{others}; values of the grid are shown: {self.precision()}"
             _log.warning("%s", found.note)
-        return found, exact
+        return found, missing
 
-    def _fill_from_grid(self, index: Any, found: GatheredColumns, exact: np.ndarray) -> None:
-        missing = np.flatnonzero(~exact)
+    def _fill_from_grid(self, index: Any, found: GatheredColumns, missing: np.ndarray) -> None:
         for start in range(0, len(missing), _BATCH):
             rows = missing[start : start + _BATCH]
             places = _places(index, rows, self._scene.count)
-            for name, values in self._of_grid(places).items():
-                found.put(name, rows, values)
+            found.take(rows, self._of_grid(places))
 
-    def _from_files(self, index: Any, count: int, found: GatheredColumns, exact: np.ndarray, why: list[str]) -> None:
-        """Fills ``found`` with records, and marks in ``exact`` (n,) the points that were read.  why: receives what could not be
-        read."""
+    def _from_files(self, index: Any, count: int, found: GatheredColumns, why: list[str]) -> np.ndarray:
+        """Fills ``found`` with records, and returns the rows that could not be read.  why: receives the reasons."""
         assert self._records is not None
+        missing = [np.zeros(0, np.int64)]
         if count == 0:
-            return
+            return missing[0]
         first = self._records.first
         wide = count > max(_FEW, int(first[-1]) // _SHARE)
         lookup = lookup_of(self._records, index, count) if wide else SortedNumbers(self._records.numbers(index))
@@ -197,17 +200,16 @@ class FileRecords:
                 for records, at, rows in (_streamed if wide else _picked)(opened, start, stop, lookup, found):
                     few = slice(None, None, max(1, len(rows) // _CHECKED))
                     self._check(opened, records.xyz[at[few]], _places(index, rows[few], self._scene.count))
-                    found.put_records(rows, records, at)
-                    exact[rows] = True
+                    found.take_records(rows, records, at)
             except (InputError, OSError) as error:
                 why.append(str(error))
-                rows = lookup.rows(start, stop)[1]
-                exact[rows] = False
-                found.forget(rows)
+                missing.append(lookup.rows(start, stop)[1])
+        return np.concatenate(missing)
 
     def _check(self, source: Source, xyz: np.ndarray, places: np.ndarray) -> None:
         """Raises InputError where records do not lie where the grid has their points."""
         expected = positions(self._scene, packed(self._scene, places), places)
+        let_go(self._scene.points)
         with np.errstate(invalid="ignore"):
             near = np.abs(xyz - expected) <= self._scene.step + 1e-12 * np.abs(expected)
         if not near.all():
@@ -248,9 +250,7 @@ _Pieces = Iterator[tuple[Records, np.ndarray, np.ndarray]]
 def _streamed(source: Source, start: int, stop: int, lookup: Lookup, found: GatheredColumns) -> _Pieces:
     """Reads a source from its beginning.  start, stop: its running numbers over all sources."""
     at = start
-    plain = found.wants_only("xyz")
-    for piece in source.chunks() if plain else source.record_chunks():
-        records = Records(piece.xyz) if isinstance(piece, Chunk) else piece
+    for records in source.record_chunks() if found.wanted is None else source.column_chunks(found.wanted):
         for begin in range(0, len(records.xyz), _PICKED):  # small pieces, so that copies of them are small
             end = min(begin + _PICKED, len(records.xyz))
             taken, rows = lookup.rows(at + begin, at + end)

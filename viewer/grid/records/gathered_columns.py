@@ -9,56 +9,55 @@ from ...readers.source import Records
 
 
 class GatheredColumns:
-    """Columns of ``count`` points.  wanted: their names; None: all.  note: as in
+    """Columns of ``count`` points, each of which is taken once.  wanted: the name of one; None: all.  note: as in
     viewer.grid.records.file_records.PointValues."""
 
-    def __init__(self, count: int, wanted: set[str] | None = None):
-        self._count, self._wanted = count, wanted
+    def __init__(self, count: int, wanted: str | None = None):
+        self._count, self.wanted = count, wanted
         self._values: dict[str, np.ndarray] = {}
-        self._known: dict[str, np.ndarray] = {}
+        self._without: dict[str, list[np.ndarray]] = {}  # rows that were taken without a value, instead of a mark a point
+        self._taken: list[np.ndarray] = []
         self.note: str | None = None
 
-    def wants_only(self, name: str) -> bool:
-        return self._wanted == {name}
-
-    def put_records(self, rows: np.ndarray, records: Records, at: np.ndarray) -> None:
+    def take_records(self, rows: np.ndarray, records: Records, at: np.ndarray) -> None:
         """Takes the records ``at`` (m,) for the points ``rows`` (m,)."""
         given = {"xyz": records.xyz, **({} if records.rgb is None else {"rgb": records.rgb}), **records.columns}
-        for name, values in given.items():
-            if self._wanted is None or name in self._wanted:
-                self.put(name, rows, values[at])
+        self.take(rows, {name: values[at] for name, values in given.items() if self.wanted in (None, name)})
 
-    def put(self, name: str, rows: np.ndarray, values: np.ndarray) -> None:
-        """Takes values (m,) or (m, k) of a column for the points ``rows`` (m,)."""
-        if self._wanted is not None and name not in self._wanted:
-            return
-        values = np.asarray(values)
+    def take(self, rows: np.ndarray, given: dict[str, np.ndarray]) -> None:
+        """Takes values (m,) or (m, k) by the names of their columns for the points ``rows`` (m,)."""
+        for name in self._without.keys() | given.keys() if self.wanted is None else (self.wanted,):
+            without = self._without.setdefault(name, list(self._taken))
+            if name not in given or not self._put(name, rows, np.asarray(given[name])):
+                without.append(rows)
+        if self.wanted is None:
+            self._taken.append(rows)
+
+    def _put(self, name: str, rows: np.ndarray, values: np.ndarray) -> bool:
         values = values.astype(values.dtype.newbyteorder("="), copy=False)
         held = self._values.get(name)
         if held is None:
             held = self._values[name] = np.zeros((self._count, *values.shape[1:]), values.dtype)
-            self._known[name] = np.zeros(self._count, bool)
         if held.shape[1:] != values.shape[1:]:  # a field of the same name that holds something else
-            return
+            return False
         if held.dtype != values.dtype:
             held = self._values[name] = held.astype(np.result_type(held, values))
         held[rows] = values
-        self._known[name][rows] = True
+        return True
 
     def forget(self, rows: np.ndarray) -> None:
-        """Treats the points ``rows`` as not yet read."""
-        for known in self._known.values():
-            known[rows] = False
+        """Treats the points ``rows`` as not yet taken."""
+        for taken in (self._taken, *self._without.values()):
+            taken[:] = [some[~np.isin(some, rows)] for some in taken]
 
     def finished(self) -> dict[str, np.ndarray]:
         """The columns; NaN where a point has no value."""
         found = {}
         for name, values in self._values.items():
-            known = self._known[name]
-            if not known.any():
-                continue
-            if not known.all():
-                values = values.astype(np.float64)
-                values[~known] = np.nan
-            found[name] = values
+            without = np.concatenate([np.zeros(0, np.int64), *self._without[name]])
+            if len(without) < self._count:
+                if len(without):
+                    values = values.astype(np.float64)
+                    values[without] = np.nan
+                found[name] = values
         return found

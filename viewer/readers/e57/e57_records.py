@@ -14,6 +14,8 @@ from .e57_nodes import is_number, library
 
 BLOCK = 1 << 18
 """Records read at a time; chosen by hand: 30 fields take 63 MB."""
+PIECE = 1 << 16
+"""Records read at a time where one column is wanted."""
 OWN = "pg"
 """Prefix of the extension in which pointglass writes columns for which E57 has no field; they are read by their own names."""
 _COORDINATES = ("cartesianX", "cartesianY", "cartesianZ", "sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -39,8 +41,9 @@ class RawField:
         return raw.astype(self.kind) if self.scale is None else scaled(raw, self.scale, self.offset)
 
 
-def fields_of(structure, prefix: str = "") -> tuple[list[RawField], list[str]]:
-    """The numeric leaves of a prototype, and the paths of its other leaves (texts, which pye57 does not read)."""
+def fields_of(structure, prefix: str = "", only: str | None = None) -> tuple[list[RawField], list[str]]:
+    """The numeric leaves of a prototype, and the paths of its other leaves (texts, which pye57 does not read).
+    only: the one column that is wanted, besides what places and colours a record."""
     libe57 = library()
     found: list[RawField] = []
     others: list[str] = []
@@ -48,10 +51,10 @@ def fields_of(structure, prefix: str = "") -> tuple[list[RawField], list[str]]:
         node = structure[index]
         name = prefix + node.elementName()
         if isinstance(node, libe57.StructureNode):
-            inner, more = fields_of(node, f"{name}/")
+            inner, more = fields_of(node, f"{name}/", only)
             found += inner
             others += more
-        elif is_number(node):
+        elif is_number(node) and (only is None or name in _PLACED or name.removeprefix(f"{OWN}:") == only):
             found.append(_field(libe57, name, node))
         else:
             others.append(name)
@@ -92,6 +95,15 @@ def raw_blocks(file, points, fields: list[RawField], arrays: dict[str, np.ndarra
     finally:
         if reader.isOpen():
             reader.close()
+
+
+def raw_records(file, number: int, count: int, only: str | None) -> Iterator[tuple[int, list[RawField], dict[str, np.ndarray]]]:
+    """Yields blocks of the ``count`` records of a scan: how many, their fields, and these as stored.  only: as in fields_of."""
+    points = file.root()["data3D"][number]["points"]
+    fields, _ = fields_of(library().StructureNode(points.prototype()), only=only)
+    arrays = arrays_for(fields, min(BLOCK if only is None else PIECE, count))
+    for n in raw_blocks(file, points, fields, arrays):
+        yield n, fields, {name: values[:n] for name, values in arrays.items()}
 
 
 def columns_of(fields: list[RawField], raw: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

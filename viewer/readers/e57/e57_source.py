@@ -27,7 +27,7 @@ from .e57_length import length_warning
 from .e57_nodes import check_prototypes, child, is_number, library, open_e57, point_vectors, pose_of, text_of, xml_of
 from .e57_packets import PacketReader, UnknownPacking
 from .e57_ranges import colour_range, intensity_range, range_of, trusted, zeros
-from .e57_records import BLOCK, RawField, arrays_for, columns_of, fields_of, raw_blocks
+from .e57_records import RawField, columns_of, raw_records
 
 _CHUNK = 1 << 19  # points of a buffer, float64 for every field (4 MB each); chosen by hand
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -142,15 +142,15 @@ class E57Source(Source):
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
+        return self.column_chunks()
+
+    def column_chunks(self, name: str | None = None) -> Iterator[Records]:
         with open_e57(self.path) as file:
             for number, scan in enumerate(self._scans):
                 if not scan.count:
                     continue
-                points = file.root()["data3D"][number]["points"]
-                fields, _ = fields_of(library().StructureNode(points.prototype()))
-                arrays, done = arrays_for(fields, min(BLOCK, scan.count)), 0
-                for n in raw_blocks(file, points, fields, arrays):
-                    raw = {name: values[:n] for name, values in arrays.items()}
+                done = 0
+                for n, fields, raw in raw_records(file, number, scan.count, name):
                     valid, chunk = self.placed(number, fields, raw)
                     raw = raw if valid is None else {name: values[valid] for name, values in raw.items()}
                     done += n

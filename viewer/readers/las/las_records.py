@@ -12,9 +12,10 @@ PLACED = ("X", "Y", "Z", "red", "green", "blue")
 """Dimensions that are in ``Records.xyz`` and ``Records.rgb``."""
 
 
-def records_of(points, chunk: Chunk) -> Records:
-    """The records of a chunk.  points: of laspy (ScaleAwarePointRecord).  Scaled extra dimensions are given as float64."""
+def records_of(points, chunk: Chunk, only: str | None = None) -> Records:
+    """The records of a chunk.  points: of laspy (ScaleAwarePointRecord).  Scaled extra dimensions are given as float64.
+    only: the one dimension that is wanted."""
     with np.errstate(over="ignore", invalid="ignore"):  # laspy scales extra dimensions, by what a damaged file states
         columns = {name: np.array(points[name]) for name in points.point_format.dimension_names
-                   if name and name not in PLACED}  # fmt: skip
+                   if name and name not in PLACED and only in (None, name)}  # fmt: skip
     return Records(chunk.xyz, chunk.rgb, chunk.scan, columns, points.array)

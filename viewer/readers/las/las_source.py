@@ -28,6 +28,8 @@ from .laz_points import LazPoints
 
 _BLOCK = 128 << 20
 """Bytes of records that are read at once; a record has 20 to 65,535."""
+_PIECE = 1 << 16
+"""Points that are decoded at a time where one column is wanted; chosen by hand: a chunk of LAZ."""
 _MOST_DECODED = 1_000_000
 """Points decoded for a sample of a file with few chunks; chosen by hand."""
 
@@ -91,19 +93,23 @@ class LasSource(Source):
         for points, chunk in self._read():
             yield records_of(points, chunk)
 
+    def column_chunks(self, name: str) -> Iterator[Records]:
+        for points, chunk in self._read(_PIECE):
+            yield records_of(points, chunk, name)
+
     def native_chunks(self) -> Iterator[tuple[Chunk, np.ndarray]]:
         """Yields chunks, and their records as a structured array of the point format's layout."""
         for points, chunk in self._read():
             yield chunk, points.array
 
-    def _read(self) -> Iterator[tuple[Any, Chunk]]:
-        """Yields the points as laspy holds them, and as a chunk."""
+    def _read(self, most: int = CHUNK) -> Iterator[tuple[Any, Chunk]]:
+        """Yields the points as laspy holds them, and as a chunk of ``most`` points."""
         done, outside = 0, False
         # one step of rounding on either side: some writers round the bounds, some the points
         with np.errstate(invalid="ignore", over="ignore"):  # of a damaged header; no comparison with NaN holds
             low, high = self._header.mins - self._header.scales, self._header.maxs + self._header.scales
         names = set(self._header.point_format.dimension_names)
-        blocks = self._blocks_of(max(1, min(CHUNK, _BLOCK // self._header.point_format.size)))
+        blocks = self._blocks_of(max(1, min(most, _BLOCK // self._header.point_format.size)))
         while done < (self.count or 0):
             with decoding(partial(self._truncated, done)):
                 points = next(blocks, None)

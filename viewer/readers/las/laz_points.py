@@ -198,7 +198,7 @@ def _ended(process: subprocess.Popen) -> LazError:
     name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     if code == -signal.SIGSEGV:
         return LazError("a chunk ends the decoder (SIGSEGV)")
-    return LazError(f"the process that decodes it ended ({name}); memory may be short")
+    raise MemoryError(f"the process that decodes LAZ ended ({name})")  # the system ends it, or Rust does, where memory is short
 
 
 def _end(process: subprocess.Popen) -> None:
