@@ -16,7 +16,7 @@ def all_on_one_thread(one_thread):
 @pytest.fixture
 def renderers(context):
     """Draws stress scenes; no OpenGL error before or after."""
-    from pointglass.viewer.bench.stability.frame_claims import Renderers
+    from pointglass.viewer.bench.cases.stability import Renderers
 
     context.__enter__()  # another test may have left its own context current
     assert context.error == "GL_NO_ERROR"

@@ -11,10 +11,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from frame_claims import place_at
+from scenes import axis_camera
+from station_claims import lit, scene_of, standing
 
-from pointglass.viewer.bench.stability.frame_claims import Renderers, arrays_of, place_at
-from pointglass.viewer.bench.stability.scenes import axis_camera, placed, view_inside
-from pointglass.viewer.bench.stability.station_claims import lit, scene_of, standing
+from pointglass.viewer.bench.cases.stability import Renderers, arrays_of, placed, view_inside
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.settings import FILTERS, SOFT_Z, Settings
 

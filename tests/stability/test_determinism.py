@@ -3,10 +3,10 @@
 import json
 
 import hashes
+import point_claims
 import pytest
 from hashes import FILE, hashes_of
 
-from pointglass.viewer.bench.stability import point_claims
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.context import create_context, describe_device
 

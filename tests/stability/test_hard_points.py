@@ -1,10 +1,11 @@
 """A million points in one pixel, one point in a million pixels, doubles, no numbers, and colours at both ends."""
 
 import numpy as np
+import point_claims
 import pytest
+from scenes import axis_camera
 
-from pointglass.viewer.bench.stability import point_claims
-from pointglass.viewer.bench.stability.scenes import axis_camera, walls
+from pointglass.viewer.bench.cases.stability import walls
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.settings import Settings
 

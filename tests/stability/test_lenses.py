@@ -1,13 +1,14 @@
 """Extreme lenses, picture sizes, poses and points near the camera plane, against float64 and against the reference
 implementation in torch."""
 
+import frame_claims
 import numpy as np
 import pytest
 from reference import reference_frame
+from scenes import axis_camera
 from test_frame import assert_agrees
 
-from pointglass.viewer.bench.stability import frame_claims
-from pointglass.viewer.bench.stability.scenes import axis_camera, placed, view_inside, walls
+from pointglass.viewer.bench.cases.stability import VIEWS, placed, view_inside, walls
 from pointglass.viewer.common.errors import DeviceError, InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import MAX_SIDE, Camera, from_fov
@@ -27,7 +28,7 @@ def test_extreme_lenses_agree_with_the_reference(renderers, seed):
     with renderers.renderer(scene) as renderer:
         for fov in (1.0, 170.0):
             camera = placed(view_inside(seed, (96, 64), fov), 1.0, origin)
-            shown = renderer.render(camera, Settings(), views=frame_claims.VIEWS)
+            shown = renderer.render(camera, Settings(), views=VIEWS)
             assert_agrees(shown, reference_frame(scene, camera, Settings()))
 
 
@@ -52,7 +53,7 @@ def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_reference(ren
             camera = axis_camera((41, 29), (0.0, packed + side * (2.0**-power if power else 0.0), 0.0))
             reference = reference_frame(scene, camera, Settings())
             for kind in ("compute", "points"):
-                frame = renderer.render(camera, Settings(raster=kind), views=frame_claims.VIEWS)
+                frame = renderer.render(camera, Settings(raster=kind), views=VIEWS)
                 assert np.array_equal(frame.depth(), reference.raster.depth.numpy())
                 assert (frame.depth() > 0).all()
 
@@ -67,7 +68,7 @@ def test_odd_and_prime_sizes_agree_with_the_reference(renderers, seed):
     with renderers.renderer(scene) as renderer:
         for size in [(4, 4), *(tuple(int(n) for n in rng.choice(PRIMES, 2)) for _ in range(6))]:
             camera = view_inside(seed, size, 70.0)
-            shown = renderer.render(camera, Settings(), views=frame_claims.VIEWS)
+            shown = renderer.render(camera, Settings(), views=VIEWS)
             assert_agrees(shown, reference_frame(scene, camera, Settings()))
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from network_claims import PRECISION_LIMITS, masks, network_rows, scaled
 
 from pointglass.model.network.reconstruct import PRECISIONS, Reconstructor
 from pointglass.model.network.weights_folder import shipped
-from pointglass.viewer.bench.stability.network_claims import PRECISION_LIMITS, masks, network_rows, scaled
 
 SIZE = (56, 40)
 QUALITY = "fast" if "fast-filtered" in shipped() else "balanced"

@@ -6,7 +6,7 @@ from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pointglass.viewer.bench.stability.scenes import direction, walls
+from pointglass.viewer.bench.cases.stability import direction, walls
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.density_layers import layer_count, layer_sizes, morton_order
 from pointglass.viewer.grid.open_scene import scene_from_arrays

@@ -1,11 +1,12 @@
 """The same place at any scale and origin, from 1 cm to 100 km, at powers of two and shifts by whole cells."""
 
+import frame_claims
 import numpy as np
 import pytest
+from exact_claims import depth_faults
 
-from pointglass.viewer.bench.stability import frame_claims
-from pointglass.viewer.bench.stability.exact_claims import depth_faults
-from pointglass.viewer.bench.stability.scenes import panels, walls
+from pointglass.viewer.bench.cases import stability
+from pointglass.viewer.bench.cases.stability import panels, walls, wide_range
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 
@@ -54,11 +55,11 @@ def test_coordinates_too_large_for_float64_are_refused_naming_value_and_remedy(s
 def test_powers_of_two_and_shifts_by_whole_cells_change_no_byte(renderers, seed, claims):
     rng = np.random.default_rng(seed)
     exponents, shifts = rng.integers(-30, 40, 3).tolist(), [4, int(rng.integers(8, 24)), 30]
-    claims(frame_claims.exactness(renderers, seed, SIZE, exponents, shifts))
+    claims(stability.exactness(renderers, seed, SIZE, exponents, shifts))
 
 
 def test_one_centimetre_to_a_hundred_kilometres_in_one_frame(renderers, seed, claims):
-    claims(frame_claims.wide_range(renderers, seed))
+    claims(wide_range(renderers, seed))
 
 
 def test_the_judge_of_depths_sees_a_point_moved_a_little_and_one_left_out(renderers, seed):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+import station_claims
 
-from pointglass.viewer.bench.stability import station_claims
-from pointglass.viewer.bench.stability.scenes import view_inside
+from pointglass.viewer.bench.cases.stability import view_inside
 from pointglass.viewer.picture.settings import Settings
 
 pytestmark = pytest.mark.gl

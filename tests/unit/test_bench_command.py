@@ -1,7 +1,6 @@
 """The benches' command line: bad usage, help, kinds that are loaded late, and what a plot says of its machine."""
 
 import json
-import sys
 
 import pytest
 from bench_run import run
@@ -76,24 +75,19 @@ def test_too_few_points_for_the_rooms_are_refused(capsys):
     assert "5 points in 3 rooms: at least 6" in capsys.readouterr().err
 
 
-def test_stability_is_registered(monkeypatch, capsys, tmp_path):
-    """Its module is loaded only then; here it is replaced."""
-    import types
+@pytest.mark.gl
+def test_stability_holds_and_a_broken_claim_is_exit_code_1(monkeypatch, capsys, tmp_path):
+    from pointglass.viewer.bench.cases import stability
 
-    called = {}
-    stability = types.ModuleType("pointglass.viewer.bench.stability.claims_table")
-
-    def run_stability(size, seed, plot):
-        called["stability"] = (size, seed, plot)
-        return {"rows": [{"name": "depth", "value": 3.0, "limit": 1.0, "least": False, "ok": False},
-                         {"name": "share", "value": 3.0, "limit": 1.0, "least": True, "ok": True}], "failed": ["depth"]}
-
-    stability.run_stability = run_stability  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pointglass.viewer.bench.stability.claims_table", stability)
-    assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
-    said = capsys.readouterr().out
-    assert called["stability"] == ((64, 48), 7, None) and "3 (limit 1)    BEYOND ITS LIMIT" in said and "3 (at least 1)" in said
-    assert json.loads((tmp_path / "s.json").read_text())["failed"] == ["depth"]
+    found, drawn = tmp_path / "s.json", tmp_path / "s.png"
+    command = ("bench", "stability", "--size", "64x48", "--seed", "7", "--json", found, "--plot", drawn)
+    assert run(*command) == 0
+    result, said = json.loads(found.read_text()), capsys.readouterr().out
+    assert result["size"] == [64, 48] and result["failed"] == [] and len(result["rows"]) == 26
+    assert "0 (limit 0)" in said and "(at least 0.98)" in said and drawn.read_bytes().startswith(b"\x89PNG")
+    monkeypatch.setattr(stability, "repeated", lambda *_: [stability.row("bytes changed", 3, 0)])
+    assert run(*command) == 1 and "3 (limit 0)   BEYOND ITS LIMIT" in capsys.readouterr().out
+    assert json.loads(found.read_text())["failed"] == ["bytes changed"]
 
 
 @pytest.mark.parametrize("rooms", [1, 4])

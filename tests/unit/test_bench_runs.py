@@ -14,9 +14,10 @@ from pointglass.viewer.bench import memory_headroom as room
 from pointglass.viewer.bench.cases import approximation_errors as errors
 from pointglass.viewer.bench.cases import culling, scaling
 from pointglass.viewer.bench.cases import frame_times as frames
-from pointglass.viewer.bench.stability.station_claims import scanned
+from pointglass.viewer.bench.cases.stability import ROOM, walls
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.paths import cache_dir
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.work.places import viewpoints as views
 
 
@@ -173,13 +174,25 @@ def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypa
     assert run("bench", "error", *scan, "--only", "nothing") == 2 and "packing" in capsys.readouterr().err
 
 
+def scanned(seed: int, places: np.ndarray | None = None):
+    """A room of which each point has the exposure of one of three stations.  places: (3, 3), NaN: unknown."""
+    rng = np.random.default_rng(seed)
+    xyz, rgb = walls(seed)
+    places = rng.uniform(0.1, 0.9, (3, 3)) * ROOM if places is None else places
+    scan = rng.integers(0, 3, len(rgb)).astype(np.uint8)
+    scans = [{"name": f"station {number}", "count": int((scan == number).sum()),
+              "position": None if np.isnan(place).any() else place.tolist()} for number, place in enumerate(places)]
+    rgb = np.rint(rgb * rng.uniform(0.5, 1.0, (3, 3))[scan]).astype(np.uint8)
+    return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+
+
 @pytest.mark.gl
 def test_weighing_by_scanners_is_judged_where_the_scan_knows_them(monkeypatch):
     monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[:1])
-    weighted = SimpleNamespace(scene=lambda: scanned(3).scene, facts=lambda *_: {})
+    weighted = SimpleNamespace(scene=lambda: scanned(3), facts=lambda *_: {})
     row = next(row for row in errors.run_errors(weighted, SIZE, 1, "stations")["rows"] if row["group"] == "stations")
     assert 15 < row["psnr"] < 40 and row["mask"] == 0, "all points alike show another light, on the same surfaces"
-    nobody = SimpleNamespace(scene=lambda: scanned(3, places=np.full((3, 3), np.nan)).scene, facts=lambda *_: {})
+    nobody = SimpleNamespace(scene=lambda: scanned(3, np.full((3, 3), np.nan)), facts=lambda *_: {})
     with pytest.raises(InputError, match="expected one of"):
         errors.run_errors(nobody, SIZE, 1, "stations")
 

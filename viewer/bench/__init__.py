@@ -60,7 +60,7 @@ KINDS = {
     "scale": Kind("time and memory from 1M to 1G points", 2, "nothing", (*SETTINGS, "points", "keep", "repeats", "seed")),
     "versus": Kind("comparison with the paper's pipeline and Open3D", 3, "procedural",
                    (*SETTINGS, "size", "frames", "repeats")),
-    "stability": Kind("numerical limits", 1, "nothing", ("seed",)),
+    "stability": Kind("numerical limits of this machine's pictures", 1, "nothing", ("seed",)),
     "occlusion": Kind("time saved by occlusion culling, and its error", 1, "nothing",
                       ("lod", "points", "rooms", "frames", "seed")),
     "raster": Kind("the rasterisers on random points", 5, "nothing", ("points", "repeats", "seed")),
@@ -68,7 +68,7 @@ KINDS = {
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
 """Options that choose a procedural scan."""
-NEURAL = ("open", "error", "scale", "versus", "stability", "flight")
+NEURAL = ("open", "error", "scale", "versus", "flight")
 """Benches that always run a network."""
 
 
@@ -243,19 +243,10 @@ def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 
 
 def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from .stability.claims_table import run_stability
+    from .cases import stability
 
     size = parse_sizes(options.size)[0] if options.size else (320, 240)
-    return run_stability(size, options.seed, options.plot), _limit_rows, None
-
-
-def _limit_rows(result: dict) -> list[tuple[str, str]]:
-    """Table of ``stability``."""
-    def verdict(row: dict) -> str:
-        return f"left out: {row['skipped']}" if "skipped" in row else "" if row["ok"] else "   BEYOND ITS LIMIT"
-
-    return [(row["name"], f"{row['value']:.4g} ({'at least' if row['least'] else 'limit'} {row['limit']:.4g}) {verdict(row)}")
-            for row in result["rows"]]
+    return stability.run_stability(size, options.seed), stability.rows, stability.plot
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:

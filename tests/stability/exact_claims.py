@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...grid.scene import Scene
-    from ...picture.camera import Camera
+    from pointglass.viewer.grid.scene import Scene
+    from pointglass.viewer.picture.camera import Camera
 
 _FLOAT32 = 2.0**-21
 """Largest rounding error relative to the largest coordinate: eight roundings of 2**-24 each."""
@@ -47,8 +47,8 @@ def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: f
     """
     import torch
 
-    from ....model.reference.projection import SoftZ, frame, network_input, pixels
-    from ....model.reference.station_weights import station_weights
+    from pointglass.model.reference.projection import SoftZ, frame, network_input, pixels
+    from pointglass.model.reference.station_weights import station_weights
 
     x, y, z = torch.from_numpy(exact_view(xyz, camera)).unbind(1)
     index, inside = pixels(x, y, z, camera)

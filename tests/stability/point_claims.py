@@ -1,22 +1,23 @@
 """Difficult points: many in one pixel, one in a million pixels, duplicates, NaN and infinity, all colour levels; and repeated
 frames.
 
-Rows as in :mod:`viewer.bench.stability.frame_claims`.
+Rows as in :mod:`frame_claims`.
 """
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from frame_claims import place_at
+from scenes import axis_camera
+from station_claims import scanned
 
-from ....model.common.linear_light import TO_LINEAR, TO_SRGB
-from ...grid.open_scene import scene_from_arrays
-from ...grid.scene import Scene
-from ...picture.settings import FILTERS, Settings
-from ...render.renderer import RASTERISERS
-from .frame_claims import Renderers, arrays_of, different, place_at, row
-from .scenes import axis_camera, direction, placed, view_inside, walls
-from .station_claims import scanned
+from pointglass.model.common.linear_light import TO_LINEAR, TO_SRGB
+from pointglass.viewer.bench.cases.stability import Renderers, arrays_of, different, direction, placed, row, view_inside, walls
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import Scene
+from pointglass.viewer.picture.settings import FILTERS, Settings
+from pointglass.viewer.render.renderer import RASTERISERS
 
 if TYPE_CHECKING:
     import moderngl

@@ -1,31 +1,26 @@
 """Measurements of frames at extreme scales, origins, lenses, sizes and camera positions, each with a limit.
 
-Each function takes a :class:`Renderers` and a seed and returns rows (see ``row``).  The tests assert them; the bench prints
-them.  The limit of a row is a claim about the renderer.
+Each function takes a :class:`Renderers` and a seed and returns rows (see ``row``), which tests assert.  The limit of a row is a
+claim about the renderer.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from exact_claims import Agreement, agreement, depth_faults, exact_picture
+from scenes import axis_camera
 
-from ...common.errors import InputError
-from ...grid.open_scene import scene_from_arrays
-from ...grid.scene import Scene
-from ...picture.settings import Settings
-from ...render.renderer import Renderer
-from .exact_claims import Agreement, agreement, depth_faults, exact_picture
-from .scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
+from pointglass.viewer.bench.cases.stability import Renderers, arrays_of, direction, placed, row, view_inside, walls
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.renderer import Renderer
 
 if TYPE_CHECKING:
-    import moderngl
+    from pointglass.viewer.picture.camera import Camera
 
-    from ...picture.camera import Camera
-
-VIEWS = ("raw", "filtered", "filled")
-"""Views that are rendered.  This and the ranges below were chosen by hand, well beyond those of real scans."""
 SCALES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6)
 """File units per place unit."""
 ORIGINS = (0.0, 1.0, 1e3, 1e5, 1e6, 1e7, 1e9)
@@ -46,52 +41,6 @@ HELD, LOST = 8.0, 2.0
 """Point spacings in steps of float64 (2**-52 of the largest coordinate).  A scan with at least HELD must be rendered, one with
 at most LOST refused.  In between both are allowed, as the spacing itself is measured from rounded positions.  Chosen by
 hand."""
-
-
-def row(name: str, value: float, limit: float, *, least: bool = False, **more: object) -> dict:
-    """A row of the table.  ok: value <= limit, or >= if ``least``; False for NaN.  more: further entries."""
-    ok = bool(value >= limit if least else value <= limit)
-    return {"name": name, "value": float(value), "limit": float(limit), "least": least, "ok": ok, **more}
-
-
-class Renderers:
-    """Renders scenes in one OpenGL context."""
-
-    def __init__(self, context: "moderngl.Context"):
-        self.context = context
-
-    @contextmanager
-    def renderer(self, scene: Scene) -> Iterator[Renderer]:
-        made = Renderer(self.context, scene, device="cpu")
-        try:
-            yield made
-        finally:
-            made.release()
-
-    def depth(self, scene: Scene, camera: "Camera", settings: Settings | None = None) -> np.ndarray:
-        """(H, W) float32 of the raw view."""
-        with self.renderer(scene) as renderer:
-            return renderer.render(camera, settings or Settings(), views=("raw",)).depth()
-
-    def pictures(self, scene: Scene, camera: "Camera", settings: Settings | None = None) -> dict[str, np.ndarray]:
-        """Views, mask and depth by name."""
-        with self.renderer(scene) as renderer:
-            return arrays_of(renderer, camera, settings or Settings())
-
-
-def arrays_of(renderer: Renderer, camera: "Camera", settings: Settings) -> dict[str, np.ndarray]:
-    """Copies of the views, mask and depth of one frame, by name."""
-    frame = renderer.render(camera, settings, views=VIEWS)
-    return {**{view: frame.image(view) for view in VIEWS}, "mask": frame.mask(), "depth": frame.depth()}
-
-
-def different(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> int:
-    """Number of bytes that differ between two frames, over all pictures."""
-    return sum(int((x.reshape(-1).view(np.uint8) != y.reshape(-1).view(np.uint8)).sum()) for x, y in
-               ((a[key], b[key]) for key in a))
-
-
-# The same place at any origin and scale
 
 
 def place_at(seed: int, scale: float, away: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -150,48 +99,7 @@ def _is_refused(seed: int, scale: float, away: float) -> bool:
     return False
 
 
-def exactness(renderers: Renderers, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
-              shifts: Sequence[int] = (4, 12, 23, 30), scene_at: Callable[[float, np.ndarray], Scene] | None = None,
-              what: str = "bytes changed") -> list[dict]:
-    """Bytes that differ after scaling by powers of two, and after shifts by whole cells (2**n file units).
-
-    scene_at: the place at a scale and an origin (3,); None: that of ``walls``.  what: start of the rows' names.
-    """
-    place, rgb = walls(seed)
-    at = scene_at or (lambda factor, origin: scene_from_arrays(place * factor + origin, rgb))
-    camera, zero = view_inside(seed, size), np.zeros(3)
-    base = renderers.pictures(at(1.0, zero), camera)
-    rows = []
-    for exponent in exponents:
-        factor = 2.0**exponent
-        made = renderers.pictures(at(factor, zero), placed(camera, factor, zero))
-        made["depth"] = made["depth"] / np.float32(factor)
-        rows.append(row(f"{what} by scaling by 2^{exponent}", different(base, made), 0))
-    for shift in shifts:
-        origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells, which are at most 16 wide
-        rows.append(row(f"{what} by a shift of about 2^{shift}",
-                        different(base, renderers.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
-    return rows
-
-
 # Lenses, planes, sizes
-
-
-def wide_range(renderers: Renderers, seed: int, size: tuple[int, int] = (320, 240)) -> list[dict]:
-    """Depths from 1 cm to 100 km in one frame."""
-    xyz, rgb, camera = panels(seed, size)
-    scene = scene_from_arrays(xyz, rgb)
-    made = renderers.pictures(scene, camera)
-    depth = made["depth"]
-    rows = [row("pixels wrong, 1 cm to 100 km in one frame", depth_faults(depth, xyz, camera, scene), 0)]
-    for number in range(DECADES + 1):
-        columns = slice(number * size[0] // (DECADES + 1), (number + 1) * size[0] // (DECADES + 1))
-        z, seen = 0.01 * 10.0**number, np.isfinite(depth[:, columns])
-        gap = np.abs(depth[:, columns][seen] - z).max(initial=0.0) / (scene.step + 2.0**-22 * z) if seen.any() else np.nan
-        rows.append(row(f"depth error at {z:g}, in packed steps and float32 roundings", gap, 1.0))
-        kept = (made["mask"][:, columns] & seen).sum() / max(seen.sum(), 1)
-        rows.append(row(f"share kept by the filter at {z:g}", kept, 0.98, least=True))
-    return rows
 
 
 def lenses(renderers: Renderers, seed: int, size: tuple[int, int], fovs: Sequence[float] = FOVS) -> list[dict]:

@@ -10,15 +10,15 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from exact_claims import exact_view
+from frame_claims import SCALES
 
-from ....model.network.network_layout import CLOSED, PACKED_IN
-from ....model.network.reconstruct import PRECISIONS, Reconstructor, fitting_weights
-from ....model.network.unet import INPUT_CHANNELS
-from ....model.network.weights_folder import weights_name
-from ....model.reference.projection import SoftZ, frame, network_input, pixels
-from .exact_claims import exact_view
-from .frame_claims import SCALES, row
-from .scenes import view_inside, walls
+from pointglass.model.network.network_layout import CLOSED, PACKED_IN
+from pointglass.model.network.reconstruct import PRECISIONS, Reconstructor, fitting_weights
+from pointglass.model.network.unet import INPUT_CHANNELS
+from pointglass.model.network.weights_folder import weights_name
+from pointglass.model.reference.projection import SoftZ, frame, network_input, pixels
+from pointglass.viewer.bench.cases.stability import row, view_inside, walls
 
 PRECISION_LIMITS = {"fp32": (5e-4, 1.5e-4), "bf16": (0.12, 0.01), "fp16": (0.02, 0.002)}
 """Limits of the largest and mean absolute difference from float64, colours in 0..1.  Results are stored in half floats, which

@@ -1,25 +1,37 @@
 """Measurements of view-dependent blending at extreme scales, origins and scanner positions.
 
-Each point of the place of :mod:`viewer.bench.stability.scenes` belongs to one of several stations with different exposures, so
-that a wrong weight changes the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`.  The weights of the exact
-picture are computed in float64 from the original points and scanner positions.
+Each point of the place of :mod:`pointglass.viewer.bench.cases.stability` belongs to one of several stations with different
+exposures, so that a wrong weight changes the picture.  The weights of the exact picture are computed in float64 from the
+original points and scanner positions.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from exact_claims import Agreement, agreement, exact_picture
+from frame_claims import place_at
+from scenes import axis_camera
 
-from ....model.reference.station_constants import HEAVIEST
-from ...common.errors import InputError
-from ...grid.open_scene import scene_from_arrays
-from ...grid.scene import Scene
-from ...picture.settings import Settings
-from ...render.renderer import RASTERISERS
-from . import frame_claims
-from .exact_claims import Agreement, agreement, exact_picture
-from .frame_claims import Renderers, arrays_of, different, place_at, row
-from .scenes import GRAIN, ROOM, axis_camera, direction, placed, view_inside, walls
+from pointglass.model.reference.station_constants import HEAVIEST
+from pointglass.viewer.bench.cases import stability
+from pointglass.viewer.bench.cases.stability import (
+    GRAIN,
+    ROOM,
+    Renderers,
+    arrays_of,
+    different,
+    direction,
+    placed,
+    row,
+    view_inside,
+    walls,
+)
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import Scene
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.renderer import RASTERISERS
 
 LEAST = 40.0
 """Least PSNR of filled pictures against the exact ones, dB.  Weights are integers, some of which are rounded differently."""
@@ -108,7 +120,7 @@ def exactness(renderers: Renderers, seed: int, size: tuple[int, int], exponents:
     def scene_at(factor: float, origin: np.ndarray) -> Scene:
         return scene_of(place * factor + origin, rgb, scan, places * factor + origin)
 
-    return frame_claims.exactness(renderers, seed, size, exponents, shifts, scene_at, "weighted, bytes changed")
+    return stability.exactness(renderers, seed, size, exponents, shifts, scene_at, "weighted, bytes changed")
 
 
 def hard_places(renderers: Renderers, seed: int, size: tuple[int, int]) -> list[dict]:
