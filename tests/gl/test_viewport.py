@@ -12,8 +12,8 @@ from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
+from pointglass.viewer.window.planning.picture_plan import Plan
 from pointglass.viewer.window.session.work import Work
-from pointglass.viewer.window.viewport.picture_plan import Plan
 from pointglass.viewer.window.viewport.viewport import Viewport
 from pointglass.viewer.work.pictures.picture_spec import PictureSpec
 

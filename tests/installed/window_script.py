@@ -13,7 +13,7 @@ from driver import Driver
 
 def main(folder: Path) -> None:
     import pointglass
-    from pointglass.viewer.window.panels.look_panel import missing_qualities
+    from pointglass.viewer.window.planning.networks import missing_qualities
 
     driver = Driver(folder)
     session = driver.session

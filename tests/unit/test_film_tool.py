@@ -1,6 +1,7 @@
 """The Film and Section tools without a window: bookmarks and keyframes are steps of the history, paths go to files and back,
 and sheets are saved beside the window."""
 
+import io
 import time
 
 import numpy as np
@@ -203,15 +204,14 @@ def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
 def test_frame_times_become_a_plot(tmp_path):
     from PIL import Image
 
-    from pointglass.viewer.window.saving.capture import FrameTimes
+    from pointglass.viewer.window.session.frame_times import FrameTimes
 
     times, rng = FrameTimes(), np.random.default_rng(3)
     for number in range(40):
         stages = {"cull": 1.0, "raster": float(rng.uniform(5, 9)), "filter": 2.0}
         times.add(number * 0.03, {"total_ms": sum(stages.values()), "stages": stages, "points_drawn": 1, "cells_drawn": 1,
                                   "raster": "compute", "network": None}, (64, 48), ("filtered",))  # fmt: skip
-    times.plot(tmp_path / "a.png")
-    image = np.asarray(Image.open(tmp_path / "a.png").convert("RGB"))
+    image = np.asarray(Image.open(io.BytesIO(times.plot())).convert("RGB"))
     assert image.shape[0] > 400 and len(np.unique(image.reshape(-1, 3), axis=0)) > 10
 
 

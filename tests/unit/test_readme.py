@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pointglass.viewer.window.shell.controls import table_markdown
+from pointglass.viewer.window.interaction.controls import table_markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "README.md").read_text("utf-8")

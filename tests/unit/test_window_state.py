@@ -17,12 +17,13 @@ from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.flight.start_viewpoint import survey
-from pointglass.viewer.window.saving.capture import FrameTimes, save_png, stamped
+from pointglass.viewer.window.interaction import controls
+from pointglass.viewer.window.saving.capture import save_png, stamped
 from pointglass.viewer.window.saving.save_actions import SaveActions
+from pointglass.viewer.window.session.frame_times import FrameTimes
 from pointglass.viewer.window.session.loading import Loaded, expanded, open_each
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.window.session.session import Session
-from pointglass.viewer.window.shell import controls
 from pointglass.viewer.window.viewport.present import split_column
 
 if TYPE_CHECKING:
@@ -296,7 +297,7 @@ def test_recording_has_a_row_a_frame(tmp_path):
     times = FrameTimes()
     for number in range(3):
         times.add(10 + number / 10, stats(cull=0.5, raster=2.0), (64, 48), ("raw",))
-    times.save(tmp_path / "t.csv")
+    (tmp_path / "t.csv").write_bytes(times.csv())
     rows = list(csv.DictReader((tmp_path / "t.csv").open()))
     assert [row["interval_ms"] for row in rows] == ["", "100.000", "100.000"]
     assert rows[0]["raster_ms"] == "2.000" and rows[0]["network_ms"] == ""
@@ -315,7 +316,7 @@ def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_
     clock.now += 100
     for plan in plans:
         made.learn(plan, stats(raster=3.0))
-    made.recording.save(tmp_path / "times.csv")
+    (tmp_path / "times.csv").write_bytes(made.recording.csv())
     rows = list(csv.DictReader((tmp_path / "times.csv").open()))
     assert [row["width"] for row in rows] == ["640", "650", "660"]
     assert [float(row["seconds"]) for row in rows] == pytest.approx([0.0, 0.5, 1.0])

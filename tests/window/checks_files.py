@@ -52,9 +52,9 @@ def check_help_lists_every_control(d: Driver) -> None:
     assert d.session.help and not np.array_equal(before, d.canvas())
     d.key("ESCAPE")
     assert not d.session.help and not d.app.closing
-    from pointglass.viewer.window.shell.controls import ALL
+    from pointglass.viewer.window.interaction.controls import ALL
 
-    assert {control.action for control in ALL if control.kind in ("press", "chord")} <= set(d.app._actions)
+    assert {control.action for control in ALL if control.kind in ("press", "chord")} <= set(d.app.actions.table)
 
 
 def check_interface_hides(d: Driver) -> None:

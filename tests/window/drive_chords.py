@@ -8,7 +8,7 @@ import numpy as np
 from driver import Driver
 from x_keyboard import focus, keys_of, xdo
 
-from pointglass.viewer.window.shell.controls import by_chord
+from pointglass.viewer.window.interaction.controls import by_chord
 
 
 def main(folder: Path) -> None:
@@ -20,7 +20,7 @@ def main(folder: Path) -> None:
     d.settle()
     done: list[str] = []
     for control in by_chord().values():
-        d.app._actions[control.action] = lambda name=control.action: done.append(name)
+        d.app.actions.table[control.action] = lambda name=control.action: done.append(name)
     report = {}
     for key, control in by_chord().items():
         found = report[key] = {"action": control.action}

@@ -6,7 +6,7 @@ import pytest
 from x_keyboard import needs_xdotool
 from x_server import run_with_display
 
-from pointglass.viewer.window.shell.controls import by_chord
+from pointglass.viewer.window.interaction.controls import by_chord
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(400)]
 

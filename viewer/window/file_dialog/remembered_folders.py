@@ -7,8 +7,8 @@ so that a crash forgets nothing.  A file that cannot be read counts as empty.
 import logging
 from pathlib import Path
 
+from ....model.common.files.state_folder import state_dir
 from ...common.state_files import read_state, write_state
-from ..session.recent import state_dir
 
 FILE = "folders.json"
 MOST_RECENT = 8

@@ -15,7 +15,7 @@ from ...picture.camera import Camera, from_fov
 from ...work.places.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
 from ...work.places.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from ...work.scan_files import main_place
-from ..session.notices import ScanNotice
+from ..kit.notices import ScanNotice
 from .framing import from_outside
 from .navigation import FlyState, view_along
 

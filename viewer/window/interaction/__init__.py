@@ -1,1 +1,1 @@
-"""Tools: what the pointer and the keys do in the picture.  One tool per file, listed in ``table.py``."""
+"""Tools: what pointer and keys do in the picture, one tool per file, listed in ``table.py``; and the table of controls."""

@@ -1,6 +1,6 @@
 """What all tools share to change the document: one step that can be undone, undo and redo, and picking; and the camera as text.
 
-Their keys are in viewer.window.shell.controls.
+Their keys are in viewer.window.interaction.controls.
 """
 
 from typing import TYPE_CHECKING

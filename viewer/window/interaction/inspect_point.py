@@ -9,8 +9,8 @@ import numpy as np
 from ...common.text import coordinate, plain
 from ...picture.look import CLASSES
 from ...work.places.pick import Picked, is_quick, surface_around
+from ..session.exact_points import ExactPoints
 from .editing import Pointing, unit_of
-from .exact_points import ExactPoints
 from .tool import Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ..kit.clipboard import Clipboard
 from ..kit.image_texture import texture_of
 
 if TYPE_CHECKING:
@@ -66,19 +67,6 @@ class KeyEvent:
     modifiers: Modifiers = Modifiers()
 
 
-class Clipboard:
-    """Text that is copied and pasted; here kept in memory, in a window the system's (viewer.window.shell.app)."""
-
-    def __init__(self) -> None:
-        self._text = ""
-
-    def read(self) -> str:
-        return self._text
-
-    def write(self, text: str) -> None:
-        self._text = text
-
-
 class ToolContext:
     """What a tool may use.  One object a window; its properties are always those of the present moment.
 
@@ -127,6 +115,10 @@ class ToolContext:
     def texture(self, image: np.ndarray) -> "moderngl.Texture":
         """A texture of (H, W, 3) uint8, for the interface; whoever asks for it releases it."""
         return texture_of(self.viewport.context, image)
+
+    def wake(self) -> None:
+        """Something is to be shown: draws the interface again.  From any thread."""
+        self.session.loads.wake()
 
     def renew_picture(self) -> None:
         """Asks for a new picture: what is drawn of the scan has changed (a clip, a hidden scan)."""

@@ -1,1 +1,1 @@
-"""What the parts of the window are drawn with: theme, widgets, overlays, textures, workers.  Knows no scan."""
+"""What the parts of the window share: theme, widgets, overlays, textures, workers, notices, the clipboard.  Knows no scan."""

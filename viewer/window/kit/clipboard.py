@@ -1,8 +1,19 @@
-"""The system's clipboard, through GLFW."""
+"""Text that is copied and pasted: kept in memory, or in the system's clipboard, through GLFW."""
 
 from typing import Any
 
-from ..interaction.tool import Clipboard
+
+class Clipboard:
+    """Kept in memory."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def read(self) -> str:
+        return self._text
+
+    def write(self, text: str) -> None:
+        self._text = text
 
 
 class SystemClipboard(Clipboard):

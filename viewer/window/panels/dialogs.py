@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
+from ..interaction.controls import CONTROLS, Control
 from ..kit import theme
 from ..kit.theme import Theme, fitted, text_in
 from ..kit.widgets import DOCKED, button
 from ..session.session import Session
-from ..shell.controls import CONTROLS, Control
 
 _MODAL = (
     imgui.WindowFlags_.no_decoration

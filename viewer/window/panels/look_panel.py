@@ -28,6 +28,7 @@ from ..kit.widgets import (  # fmt: skip
     slider,
     to_the_right,
 )
+from ..planning.networks import missing_qualities
 from ..session.session import Session
 from .view_switch import TITLES
 
@@ -158,17 +159,6 @@ def _advanced(session: Session, new: Settings, look: Theme) -> Settings:
     new = _own_weights(new, session, look)
     new = setting(new, "precision", "precision", look)
     return setting(new, "device", "device", look, disabled=_missing_devices())
-
-
-def missing_qualities(settings: Settings) -> dict[str, str]:
-    """Qualities without weights -> the reason."""
-    if settings.weights is not None:
-        return {}
-    files = {quality: weights_file(quality, filtered=settings.filter != "off") for quality in QUALITIES}
-    return {
-        quality: f"No weights of this network are shipped ({path.name})."
-        for quality, path in files.items() if not path.is_file()
-    }  # fmt: skip
 
 
 def _missing_devices() -> dict[str, str]:

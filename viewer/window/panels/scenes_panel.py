@@ -1,20 +1,18 @@
 """The scene list at the left: the scans and their facts, the tools, and notices with their actions."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
 from ...work.scan_files import FilePart, files_of
+from ..interaction.tool import Toolbox, ToolContext
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
+from ..session.actions import Actions
 from ..session.scan_notice_actions import act_on_notice
 from ..session.session import Session
 from .status_bar import count_text, units_text
-
-if TYPE_CHECKING:
-    from ..shell.app import App
 
 _ROWS = 8
 """Files that are listed without scrolling."""
@@ -22,13 +20,13 @@ _RAIL_BESIDES_TOOLS = 4
 """Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""
 
 
-def draw_scenes_panel(app: "App", look: Theme) -> None:
+def draw_scenes_panel(session: Session, toolbox: Toolbox, tools: ToolContext, actions: Actions, look: Theme) -> None:
     """At the left, open or folded to its icons."""
-    session, place = app.session, app.session.area.layout.scenes
+    place = session.area.layout.scenes
     if place is None:
         return
     if not session.area.panels.scenes:
-        _folded(app, look)
+        _folded(session, toolbox, actions, look)
         return
     begin_docked("scenes", place, look)
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
@@ -38,32 +36,32 @@ def draw_scenes_panel(app: "App", look: Theme) -> None:
         session.area.panels.scenes = False
     hint("Fold the scene list", look)
     _scans(session, look)
-    _open_buttons(app, look)
+    _open_buttons(actions, look)
     heading("Tools", look)
-    _tools(app, look)
+    _tools(toolbox, tools, actions, look)
     _viewpoints(session, look)
     _notices(session, look)
     imgui.pop_font()
     imgui.end()
 
 
-def _folded(app: "App", look: Theme) -> None:
-    session, place = app.session, app.session.area.layout.scenes
+def _folded(session: Session, toolbox: Toolbox, actions: Actions, look: Theme) -> None:
+    place = session.area.layout.scenes
     assert place is not None
     begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
     imgui.push_font(look.bold, theme.FONT_SIZE)
-    number = len(app.toolbox.tools) + _RAIL_BESIDES_TOOLS
+    number = len(toolbox.tools) + _RAIL_BESIDES_TOOLS
     free = (place.height - look.px(12) - number * (place.width - look.px(10))) / (number - 1)
     usual = imgui.get_style().item_spacing
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, look.px(1)), usual.y)))
     if rail_button(">>##scenes", "Show the scene list", look):
         session.area.panels.scenes = True
     if rail_button("O", "Open scans", look):
-        app.act("open")
-    for tool in app.toolbox.tools:
-        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is app.toolbox.active):
-            app.toolbox.select(tool.name, app.tools)
-            session.area.panels.scenes = tool is not app.toolbox.fly  # a tool's controls are in the open panel
+        actions.do("open")
+    for tool in toolbox.tools:
+        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is toolbox.active):
+            actions.select_tool(tool.name)
+            session.area.panels.scenes = tool is not toolbox.fly  # a tool's controls are in the open panel
     if rail_button("H##home", "Back to the start viewpoint (Home)", look):
         session.go_home()
     if session.notices.of_scan:
@@ -142,24 +140,24 @@ def _files(session: Session, look: Theme, parts: list[FilePart]) -> None:
         imgui.end_child()
 
 
-def _open_buttons(app: "App", look: Theme) -> None:
+def _open_buttons(actions: Actions, look: Theme) -> None:
     width = (imgui.get_content_region_avail().x - look.px(8)) / 2
     if button("Open…", look, width=width, explained="Choose scan files"):
-        app.act("open")
+        actions.do("open")
     imgui.same_line(0, look.px(8))
     if button("Close", look, width=width, explained="Back to the start page"):
-        app.act("close_scan")
+        actions.do("close_scan")
 
 
-def _tools(app: "App", look: Theme) -> None:
+def _tools(toolbox: Toolbox, tools: ToolContext, actions: Actions, look: Theme) -> None:
     width = (imgui.get_content_region_avail().x - look.px(8)) / 2
-    for number, tool in enumerate(app.toolbox.tools):
+    for number, tool in enumerate(toolbox.tools):
         if number % 2:
             imgui.same_line(0, look.px(8))
-        lit = tool is app.toolbox.active
+        lit = tool is toolbox.active
         if button(f"{tool.label}##{tool.name}", look, width=width, primary=lit, explained=_explained(tool)):
-            app.toolbox.select(tool.name, app.tools)
-    app.toolbox.active.panel(imgui, app.tools)
+            actions.select_tool(tool.name)
+    toolbox.active.panel(imgui, tools)
 
 
 def _viewpoints(session: Session, look: Theme) -> None:

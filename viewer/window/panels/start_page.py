@@ -1,5 +1,6 @@
 """The start page: open scans, try the demo, recent scans with thumbnails, and a drop area."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,13 @@ from ..kit import theme
 from ..kit.image_texture import texture_of
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import DOCKED, button, heading, hint, small
+from ..session.actions import Actions
 from ..session.recent import RecentScan, load_thumbnail, recent_scans
+from ..session.recovery import Recoverable
 from .status_bar import count_text
 
 if TYPE_CHECKING:
     import moderngl
-
-    from ..shell.app import App
 
 _CARD, _PICTURE = 200.0, 125.0  # width of a card and height of its picture, design units
 
@@ -46,8 +47,8 @@ class StartPage:
         image = load_thumbnail(scan)
         return None if image is None else texture_of(self._context, image)
 
-    def draw(self, app: "App", look: Theme) -> None:
-        """Draws the page, where no scan is shown or being opened."""
+    def draw(self, offers: Sequence[Recoverable], actions: Actions, look: Theme) -> None:
+        """Draws the page, where no scan is shown or being opened.  offers: unsaved work of windows that are gone."""
         px, size = look.px, imgui.get_io().display_size
         recent = self._load()
         width = min(size.x - px(32), px(4 * _CARD + 3 * 12 + 32))
@@ -64,43 +65,43 @@ class StartPage:
         imgui.pop_font()
         text_in(theme.DIM, "Walk through a laser scan.")
         imgui.dummy(ImVec2(0, px(6)))
-        self._buttons(app, look)
+        self._buttons(actions, look)
         self._drop_area(look)
-        self._unsaved(app, look)
+        self._unsaved(offers, actions, look)
         if recent:
             heading("Recent scans", look)
-            self._cards(app, look, recent)
+            self._cards(actions, look, recent)
         imgui.end()
 
-    def _buttons(self, app: "App", look: Theme) -> None:
+    def _buttons(self, actions: Actions, look: Theme) -> None:
         narrow = imgui.get_content_region_avail().x < look.px(460)
         gap = 0 if narrow else look.px(8)
         width = -1.0 if narrow else look.px(140)
         if button("Open scans…", look, width=width, primary=True,
                   explained="Choose one file or several, which make one scene"):
-            app.act("open")
+            actions.do("open")
         if not narrow:
             imgui.same_line(0, gap)
         if button("Open a folder…", look, width=width,
                   explained=f"A folder of scans, or a {KNOWN_FOLDERS} folder"):
-            app.act("open_folder")
+            actions.do("open_folder")
         if not narrow:
             imgui.same_line(0, gap)
         if button("Try the demo", look, width=width,
                   explained="A small scan that came with pointglass"):
-            app.act("demo")
+            actions.do("demo")
 
-    def _unsaved(self, app: "App", look: Theme) -> None:
+    def _unsaved(self, offers: Sequence[Recoverable], actions: Actions, look: Theme) -> None:
         """Work that windows which ended before it was saved have left."""
-        if app.projects.offers:
+        if offers:
             heading("Unsaved work", look)
-        for number, found in enumerate(app.projects.offers):
+        for number, found in enumerate(offers):
             imgui.push_id(number)
             if button("Restore", look, width=look.px(110), primary=True, explained="Opens the scan with this work"):
-                app.projects.restore(found)
+                actions.restore(found)
             imgui.same_line(0, look.px(8))
             if button("Discard…", look, width=look.px(110)):
-                app.projects.ask_to_discard(found)
+                actions.ask_to_discard(found)
             imgui.same_line(0, look.px(12))
             imgui.align_text_to_frame_padding()
             told = f"{found.unsaved.title}, {found.when}: {found.text}"
@@ -127,7 +128,7 @@ class StartPage:
             imgui.pop_font()
         imgui.dummy(ImVec2(width, height))
 
-    def _cards(self, app: "App", look: Theme, recent: list[RecentScan]) -> None:
+    def _cards(self, actions: Actions, look: Theme, recent: list[RecentScan]) -> None:
         px = look.px
         columns = max(1, int((imgui.get_content_region_avail().x + px(12)) / px(_CARD + 12)))
         for number, (scan, texture) in enumerate(zip(recent, self._textures)):
@@ -135,11 +136,11 @@ class StartPage:
                 imgui.same_line(0, px(12))
             imgui.push_id(number)
             imgui.begin_group()
-            self._card(app, look, scan, texture)
+            self._card(actions, look, scan, texture)
             imgui.end_group()
             imgui.pop_id()
 
-    def _card(self, app: "App", look: Theme, scan: RecentScan, texture: "moderngl.Texture | None") -> None:
+    def _card(self, actions: Actions, look: Theme, scan: RecentScan, texture: "moderngl.Texture | None") -> None:
         px, reason = look.px, scan.missing
         at, size = imgui.get_cursor_screen_pos(), ImVec2(px(_CARD), px(_PICTURE))
         imgui.begin_disabled(bool(reason))
@@ -159,7 +160,7 @@ class StartPage:
         imgui.pop_font()
         small((reason and "not there any more") or f"{count_text(scan.points)} points", look)
         if pressed:
-            app.open([Path(path) for path in scan.paths])
+            actions.open([Path(path) for path in scan.paths])
 
     def release(self) -> None:
         self.renew()

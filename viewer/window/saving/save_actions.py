@@ -12,6 +12,7 @@ from ...common.text import counted
 from ...work.pictures.shot_metadata import KEY, cannot_repeat
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.worker import Worker
+from ..session.frame_times import FrameTimes
 from ..session.session import Session
 from ..viewport.viewport import Viewport
 from . import capture
@@ -123,7 +124,7 @@ class SaveActions:
             session.notices.toast("Nothing to record yet: drop a scan here first", instead_of="Nothing to ")
             return None
         if session.recording is None:
-            session.recording = capture.FrameTimes()
+            session.recording = FrameTimes()
             session.notices.toast(_RECORDING)
             return None
         times, session.recording = session.recording, None
@@ -133,8 +134,8 @@ class SaveActions:
             return None
         try:
             with capture.stamped("pointglass-frames", ".csv", self.folder) as path:
-                times.save(path)
-                times.plot(path.with_suffix(".png"))
+                capture.write_beside(path, times.csv())
+                capture.write_beside(path.with_suffix(".png"), times.plot())
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from ..session.session import Session
     from ..viewport.viewport import Viewport
 
-LARGEST = 4
-"""Times the sides of the window's picture."""
-
 
 def shot_of(session: "Session", name: str) -> Shot | None:
     """The description of what is shown, at the size that is saved; None without a scene, or where the picture shows what no

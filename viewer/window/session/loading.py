@@ -1,4 +1,4 @@
-"""Loading scans and networks off the window's thread, and the notices about a scan."""
+"""Loading scans off the window's thread, and the notices about a scan."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....model.network.qualities import stand_ins
-from ....model.network.weights_folder import weights_file
 from ...common.errors import Cancelled, PointglassError
-from ...picture.settings import Settings
 from ...work.moved_scans import MissingScans
 from ..flight.start_viewpoint import Survey, survey
+from ..kit.notices import Notices, ScanNotice
 from ..kit.worker import Worker
-from .notices import Notices, ScanNotice
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -56,11 +53,6 @@ def scan_notices(meta: dict) -> list[ScanNotice]:
     return notices
 
 
-def network_key(settings: Settings) -> tuple:
-    """The settings that decide which network is used."""
-    return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
-
-
 def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
     """The scans as one scene.  cache, match, columns: as in viewer.grid.open_scene."""
     from ...grid import open_scene as grid_scene
@@ -84,32 +76,6 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
     from ...grid.preview import preview_scene as coarse
 
     return coarse(files, columns=columns)
-
-
-def smaller_networks(settings: Settings) -> tuple[str, ...]:
-    """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
-    for the same input; none for a person's own weights."""
-    if settings.weights is not None:
-        return ()
-    filtered = settings.filter != "off"
-    return tuple(name for name in stand_ins(settings.quality) if weights_file(name, filtered=filtered).is_file())
-
-
-def load_network(settings: Settings) -> None:
-    """Imports torch and reads the weights, also those of smaller networks for flight, off the window's thread, so that the
-    first neural frame only has to run."""
-    from ....model.common.process.torch_process import prepare_inference
-    from ....model.network.reconstruct import cuda_problem
-    from ...common.errors import DeviceError
-    from ...render.network import neural
-
-    prepare_inference()
-    problem = None if settings.device == "cpu" else cuda_problem()
-    if settings.device == "cuda" and problem:
-        raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
-    device = "cpu" if settings.device == "cpu" or problem else "cuda"
-    for quality in (settings.quality, *smaller_networks(settings)):
-        neural.load_network(quality, settings.filter != "off", settings.weights, settings.precision, device)
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:

@@ -3,7 +3,7 @@
 import contextlib
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from imgui_bundle import ImVec2, imgui
 
@@ -11,18 +11,24 @@ from ...common.errors import InputError
 from ...readers.formats import FORMATS
 from ...work.moved_scans import MissingScans, ScanPlace, difference
 from ...work.project import places_in
+from ..file_dialog.file_dialogs import FileDialogs
 from ..kit import theme
 from ..kit.theme import Theme, fitted
 from ..kit.widgets import button
-
-if TYPE_CHECKING:
-    from ..shell.app import App
+from .session import Session
 
 _FLAGS = (
     imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.always_auto_resize
     | imgui.WindowFlags_.no_saved_settings
 )  # fmt: skip
 _POPUP = "missing scans"
+
+
+class Host(Protocol):
+    """What the question needs of the window: what is being opened, and dialogs that ask for a file."""
+
+    session: Session
+    files: FileDialogs
 
 
 class MissingScansDialog:
@@ -36,7 +42,7 @@ class MissingScansDialog:
         self._found: dict[str, str | None] = {}  # path in the project -> where it is now; None: left out
         self._left: list[Path] = []
 
-    def follow(self, app: "App") -> None:
+    def follow(self, app: Host) -> None:
         """Called in every turn of the loop: takes over what the loader has found missing."""
         news, app.session.loads.missing = app.session.loads.missing, None
         if news is not None:
@@ -50,7 +56,7 @@ class MissingScansDialog:
         """The scan that is asked for now, as the project has it."""
         return self._left[0]
 
-    def locate(self, app: "App") -> None:
+    def locate(self, app: Host) -> None:
         """Asks for the file, or the folder, that the scan is now."""
         scan, place = self.scan, self._place(self.scan)
         nearest = next((folder for folder in scan.parents if folder.is_dir()), None)
@@ -64,7 +70,7 @@ class MissingScansDialog:
     def _place(self, scan: Path) -> ScanPlace:
         return self._places.get(str(scan), ScanPlace())
 
-    def take(self, app: "App", chosen: Path) -> None:
+    def take(self, app: Host, chosen: Path) -> None:
         """A person chose a file: it is used where nothing speaks against it."""
         text = difference(chosen, str(self.scan), self._place(self.scan))
         if text:
@@ -72,7 +78,7 @@ class MissingScansDialog:
         else:
             self.use(app, chosen)
 
-    def use(self, app: "App", chosen: Path | None) -> None:
+    def use(self, app: Host, chosen: Path | None) -> None:
         """The scan asked for is ``chosen`` (None: left out); others that lie beside it are found with it."""
         self.doubt = None
         self._found[str(self._left.pop(0))] = None if chosen is None else str(chosen)
@@ -93,7 +99,7 @@ class MissingScansDialog:
         else:
             self.asked = None
 
-    def draw(self, app: "App", look: Theme, *, covered: bool) -> None:
+    def draw(self, app: Host, look: Theme, *, covered: bool) -> None:
         """covered: a message or a file dialog is open, which hides the question meanwhile."""
         if self.asked is None or covered:
             return

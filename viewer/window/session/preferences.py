@@ -13,8 +13,8 @@ from ....model.network.qualities import DEFAULT
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.settings import BACKGROUNDS, Settings
-from ..saving.saved_picture import LARGEST
 from .recent import state_dir
+from .work import LARGEST_SHOT
 
 if TYPE_CHECKING:
     from .session import Session
@@ -43,7 +43,7 @@ class Preferences:
 
     def __post_init__(self) -> None:
         good = (min(self.width, self.height) >= SMALLEST and max(self.width, self.height) <= LARGEST_SIDE
-                and self.background in BACKGROUNDS and 1 <= self.shot_scale <= LARGEST)
+                and self.background in BACKGROUNDS and 1 <= self.shot_scale <= LARGEST_SHOT)
         if not good:
             raise InputError(f"window preferences {asdict(self)}: out of range")
         Settings(quality=self.quality, detail=self.detail)  # raises InputError

@@ -20,9 +20,9 @@ from ...work.history import History
 from ...work.measure import Begun
 from ...work.project import SUFFIX
 from ..file_dialog.file_dialogs import FileDialogs
+from ..kit.notices import Answer
 from .autosave import Autosave, UnsavedWork, discard, lock
 from .loading import Loaded
-from .notices import Answer
 from .recent import remember
 from .recovery import Recoverable, recoverable, renewed
 from .session import Session

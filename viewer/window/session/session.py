@@ -26,14 +26,15 @@ from ...picture.settings import Settings
 from ...work.document import Document, Viewpoint
 from ...work.pictures.picture_spec import PictureSpec
 from ..flight.flight import Flight
-from ..saving.capture import FrameTimes
-from ..viewport.picture_plan import Picture, Plan
-from ..viewport.screen_state import ScreenState
-from ..viewport.view_settings import ViewSettings
-from ..viewport.window_area import WindowArea
+from ..kit.notices import Notices, ScanNotice
+from ..planning import networks
+from ..planning.picture_plan import Picture, Plan
+from ..planning.view_settings import ViewSettings
+from ..planning.window_area import WindowArea
 from . import loading
-from .notices import Notices, ScanNotice
+from .frame_times import FrameTimes
 from .recovery import Recoverable
+from .screen_state import ScreenState
 from .visit import Visit
 from .work import Work
 
@@ -63,7 +64,7 @@ class Session:
         size: tuple[int, int],
         *,
         open_scene: "Callable[[list[Path]], Scene]" = loading.open_scene,
-        load_network: Callable[[Settings], None] = loading.load_network,
+        load_network: Callable[[Settings], None] = networks.load_network,
         clock: Callable[[], float] = perf_counter,
         wake: Callable[[], None] = lambda: None,
         start: Camera | None = None,

@@ -27,8 +27,8 @@ from ..flight.start_viewpoint import (
     start_state,
     state_of,
 )
+from ..kit.notices import ScanNotice
 from .loading import Loaded, scan_notices
-from .notices import ScanNotice
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene

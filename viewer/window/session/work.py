@@ -4,12 +4,13 @@ A tool changes the document through :meth:`Work.edit`; whoever draws reads ``doc
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...common.errors import InputError
 from ...picture.camera import Camera
 from ...picture.settings import Settings
+from ...readers.e57.e57_photographs import StationPhoto
 from ...render.raster.edits import Edits
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
@@ -18,9 +19,24 @@ from ...work.pictures.altered_pictures import edits_of
 from ...work.places.pick import Picked
 from ...work.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
 from ...work.reference import with_reference
-from ..interaction.exact_points import ExactPoints
-from ..viewport.photo_layer import ShownPhoto
+from .exact_points import ExactPoints
 from .recovery import Opening, Recoverable, opening_of
+
+LARGEST_SHOT = 4
+"""Times the sides of the window's picture that F12 saves at most."""
+
+
+@dataclass
+class ShownPhoto:
+    """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only.
+
+    psnr: dB between the photograph and the view, at pixels that both show; None where there are none."""
+
+    photo: StationPhoto
+    blend: float = 1.0
+    split: bool = False
+    split_at: float = 0.5
+    psnr: float | None = None
 
 
 class Work:

@@ -1,1 +1,1 @@
-"""The window itself: events in, pictures out, the actions and the table of controls."""
+"""The window itself: events in, pictures out, and what actions do."""

@@ -1,19 +1,71 @@
-"""The window's actions: name in the table of controls (viewer.window.shell.controls) -> what it does."""
+"""The window's actions: name in the table of controls (viewer.window.interaction.controls) -> what it does."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 from ...work.project import SUFFIX
+from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
+from ..interaction.tool import Toolbox, ToolContext
+from ..saving.save_actions import SaveActions
+from ..session.project_flow import ProjectFlow
+from ..session.recovery import Recoverable
+from ..session.session import Session
 
 if TYPE_CHECKING:
-    from .app import App
+    from ...picture.camera import Camera
+
+_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
+"""Actions that work, or say why they do not, on the start page."""
 
 
-def actions(app: "App") -> "dict[str, Callable[[], object]]":
+
+class Host(Protocol):
+    """The parts of a window that act."""
+
+    session: Session
+    toolbox: Toolbox
+    tools: ToolContext
+    files: FileDialogs
+    projects: ProjectFlow
+    save_actions: SaveActions
+
+    def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None: ...
+    def close_scan(self) -> None: ...
+    def escape(self) -> None: ...
+    def request_close(self) -> None: ...
+
+
+class WindowActions:
+    """What panels may have this window do: viewer.window.session.actions.Actions.  table: name of a control -> what it does."""
+
+    def __init__(self, host: Host):
+        self._host, self.table = host, action_table(host)
+
+    def do(self, name: str) -> None:
+        """Does what a control asks for.  On the start page only what can be seen there acts."""
+        if self._host.session.scene is not None or name in _WITHOUT_SCENE:
+            self.table[name]()
+
+    def open(self, paths: Sequence[Path]) -> None:
+        self._host.open(paths)
+
+    def restore(self, found: Recoverable) -> None:
+        self._host.projects.restore(found)
+
+    def ask_to_discard(self, found: Recoverable) -> None:
+        self._host.projects.ask_to_discard(found)
+
+    def select_tool(self, name: str) -> None:
+        self._host.toolbox.select(name, self._host.tools)
+
+
+
+def action_table(app: Host) -> "dict[str, Callable[[], object]]":
     """Every action of the window and one per tool that has a key, called ``tool_NAME``."""
     session, views = app.session, app.session.view_settings
     table: dict[str, Callable[[], object]] = {
@@ -51,13 +103,13 @@ def actions(app: "App") -> "dict[str, Callable[[], object]]":
     return table
 
 
-def _walk(app: "App") -> None:
+def _walk(app: Host) -> None:
     fly = app.toolbox.fly
     assert isinstance(fly, Fly)
     fly.walk_mode.toggle(app.tools)
 
 
-def _open_scans(app: "App") -> None:
+def _open_scans(app: Host) -> None:
     from ...readers.formats import FORMATS
 
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
@@ -65,11 +117,11 @@ def _open_scans(app: "App") -> None:
                    app.open, many=True)
 
 
-def _open_folder(app: "App") -> None:
+def _open_folder(app: Host) -> None:
     app.files.open_folder("scans", "Open a folder of scans", lambda folder: app.open([folder]))
 
 
-def _open_demo(app: "App") -> None:
+def _open_demo(app: Host) -> None:
     from ...commands.demo import demo_camera, demo_scan
     from ...common.errors import InputError
 

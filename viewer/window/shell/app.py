@@ -32,7 +32,7 @@ from ..session.project_flow import ProjectFlow
 from ..session.recent import last_view
 from ..session.session import Session
 from ..viewport.viewport import Viewport
-from .actions import actions
+from .actions import WindowActions
 from .input import Input
 from .interface import draw_interface
 
@@ -46,8 +46,6 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
 _LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
-_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
-"""Actions that work, or say why they do not, on the start page."""
 _COMPILING_SECONDS = 12.0
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
@@ -95,7 +93,7 @@ class App:
         self.tools.save_project = self.projects.save
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
         self.last_view = last_view
-        self._actions = actions(self)
+        self.actions = WindowActions(self)
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
@@ -165,9 +163,8 @@ class App:
         self._awake_until = perf_counter() + _LINGER
 
     def act(self, action: str) -> None:
-        """Does what a control asks for, by its name in the table.  On the start page only what can be seen there acts."""
-        if self.session.scene is not None or action in _WITHOUT_SCENE:
-            self._actions[action]()
+        """Does what a control asks for, by its name in the table."""
+        self.actions.do(action)
 
     def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
         """Opens scans or a project instead of what is open, once that is saved or given up."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from ..interaction.controls import Control, by_chord, by_key
 from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
 from ..session.session import Session
-from .controls import Control, by_chord, by_key
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme

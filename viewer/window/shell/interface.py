@@ -1,6 +1,6 @@
 """Draws one frame of the interface: start page, overlays of the tools, panels, status bar, notices, dialogs, in this order."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,13 +12,43 @@ from ..panels.status_bar import draw_status_bar
 from ..panels.view_switch import draw_view_switch
 
 if TYPE_CHECKING:
-    from .app import App
+    from ..file_dialog.choice_window import ChoiceWindow
+    from ..file_dialog.file_dialogs import FileDialogs
+    from ..interaction.tool import Toolbox, ToolContext
+    from ..kit.theme import Theme
+    from ..panels.start_page import StartPage
+    from ..session.actions import Actions
+    from ..session.missing_scans import MissingScansDialog
+    from ..session.project_flow import ProjectFlow
+    from ..session.session import Session
+    from ..viewport.viewport import Viewport
+    from .input import Input
 
 _CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
 """A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
 
 
-def draw_interface(app: "App", *, shown: bool = True) -> None:
+class Host(Protocol):
+    """The parts of a window that the interface shows."""
+
+    imgui: Any
+    session: "Session"
+    theme: "Theme"
+    input: "Input"
+    toolbox: "Toolbox"
+    tools: "ToolContext"
+    viewport: "Viewport"
+    projects: "ProjectFlow"
+    files: "FileDialogs"
+    start_page: "StartPage"
+    missing_scans: "MissingScansDialog"
+    choice_window: "ChoiceWindow"
+
+    @property
+    def actions(self) -> "Actions": ...
+
+
+def draw_interface(app: Host, *, shown: bool = True) -> None:
     """One frame of the interface.
 
     shown: draw it, too, and not only lay it out: imgui sizes a window by its text in the frame before.
@@ -33,13 +63,13 @@ def draw_interface(app: "App", *, shown: bool = True) -> None:
     elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
         imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[app.toolbox.active.cursor]))
     if session.scene is None and session.loads.current is None and not session.help:
-        app.start_page.draw(app, look)
+        app.start_page.draw(app.projects.offers, app.actions, look)
     if session.interface and session.scene is not None:
         _overlays(app)
         picked = session.work.under_pointer
         session.point = None if picked is None else np.array(picked.position)
         hud.draw_handle(session, look, hovered=over)
-        draw_scenes_panel(app, look)
+        draw_scenes_panel(session, app.toolbox, app.tools, app.actions, look)
         draw_look_panel(session, look)
         draw_status_bar(session, look, fps=app.viewport.frame_rate)
         if not session.help:  # which covers the middle of the picture
@@ -59,7 +89,7 @@ def draw_interface(app: "App", *, shown: bool = True) -> None:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
 
-def _overlays(app: "App") -> None:
+def _overlays(app: Host) -> None:
     """Draws the overlays and the selected tool's marks over the picture."""
     session = app.session
     left, top, width, height = (length / session.area.density for length in (*session.area.origin, *session.area.size))

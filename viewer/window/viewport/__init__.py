@@ -1,1 +1,1 @@
-"""The picture in the window: which one is wanted, which is shown, and how it is refined."""
+"""The picture in the window: the renderer of the scene, the canvas, and photographs over a view."""

@@ -1,6 +1,5 @@
 """The photograph that is shown over a view: resampled on the processor, blended, and kept until the picture is another."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from ...readers.e57.e57_photographs import StationPhoto
 from ...work.pictures.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
 from ...work.places.standing_place import sample_scene
+from ..session.work import ShownPhoto
 
 if TYPE_CHECKING:
     import moderngl
@@ -19,19 +19,6 @@ if TYPE_CHECKING:
 
 IN_PLACE = 0.05
 """Metres from its place within which a photograph hides nothing from itself."""
-
-
-@dataclass
-class ShownPhoto:
-    """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only.
-
-    psnr: dB between the photograph and the view, at pixels that both show; None where there are none."""
-
-    photo: StationPhoto
-    blend: float = 1.0
-    split: bool = False
-    split_at: float = 0.5
-    psnr: float | None = None
 
 
 class PhotoLayer:

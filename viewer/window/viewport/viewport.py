@@ -19,9 +19,9 @@ from ...render.passes.develop import read_picture
 from ...render.raster.points import UPLOAD_SECONDS
 from ...work.pictures.altered_pictures import edits_of
 from ..kit.frame_rate import FrameRate
+from ..planning.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from ..session.loading import Loaded
 from ..session.session import Session
-from .adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from .photo_layer import PhotoLayer
 from .present import Canvas, split_column
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ...render.frame import Frame
     from ...render.renderer import Renderer
     from ...work.pictures.picture_spec import PictureSpec
-    from .picture_plan import Plan
+    from ..planning.picture_plan import Plan
 
 _NO_MEMORY = "not enough memory for its points"
 _KEPT_SIZES = 2  # internal resolutions besides the last one: they change while the camera moves

@@ -18,8 +18,8 @@ from ....work.cameras.keyframes import cameras_along, path_seconds
 from ....work.document import Viewpoint, replaced, unique_name, without
 from ...kit.widgets import compact_button, compact_width
 from ...kit.worker import Worker
-from ...panels.look_panel import missing_qualities
-from ...saving.saved_picture import LARGEST
+from ...planning.networks import missing_qualities
+from ...session.work import LARGEST_SHOT
 from ..editing import edit, end, ended
 from ..tool import KeyEvent, Tool, ToolContext
 from .camera_path_editor import CameraPathEditor, fly_to
@@ -35,7 +35,7 @@ SMALLEST_SIDE, LARGEST_SIDE = 16, 8192
 SAMPLES = (1, 2, 3, 4)
 LENSES = (15.0, 120.0)
 """Least and greatest vertical field of view that a person chooses, degrees."""
-SHOTS = tuple(range(1, LARGEST + 1))
+SHOTS = tuple(range(1, LARGEST_SHOT + 1))
 KINDS = {"MP4 video": MP4, "Folder of PNG pictures, one a frame": ("",)}
 RATES = (24.0, 25.0, 30.0, 60.0)
 

@@ -15,7 +15,7 @@ from ....work.places.pick import station_name
 from ...flight.navigation import view_along
 from ...kit.theme import fitted
 from ...kit.worker import Worker
-from ...viewport.photo_layer import ShownPhoto
+from ...session.work import ShownPhoto
 from ..editing import edit, metres_per_unit
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel

@@ -7,13 +7,25 @@ has ended.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from ...work.places.pick import Picked, exactly, is_quick
 from ..kit.worker import Worker
 
 if TYPE_CHECKING:
-    from .tool import ToolContext
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+
+
+class Shown(Protocol):
+    """What is shown when a point is picked.  wake: called on a thread when the point has been read."""
+
+    @property
+    def scene(self) -> "Scene | None": ...
+    @property
+    def camera(self) -> "Camera": ...
+    def wake(self) -> None: ...
+
 
 Arrived = Callable[[Picked], None]
 _AT_ONCE = 2
@@ -39,7 +51,7 @@ class ExactPoints:
         """Whether a point is being read."""
         return bool(self._waiting)
 
-    def of(self, context: "ToolContext", picked: Picked, arrived: Arrived) -> Picked:
+    def of(self, context: Shown, picked: Picked, arrived: Arrived) -> Picked:
         """The point with the values of its file, where they can be read quickly; else as it is, and ``arrived`` is called with
         them by a later :meth:`poll`."""
         if context.scene is None or picked.exact:
@@ -49,12 +61,12 @@ class ExactPoints:
         self.start(context, picked, arrived)
         return picked
 
-    def start(self, context: "ToolContext", picked: Picked, arrived: Arrived) -> None:
+    def start(self, context: Shown, picked: Picked, arrived: Arrived) -> None:
         """Reads a point on a thread."""
         scene, camera = context.scene, context.camera
         if scene is None:
             return
-        worker = Worker(lambda: exactly(scene, camera, picked), "Reading the point", context.session.loads.wake, start=False)
+        worker = Worker(lambda: exactly(scene, camera, picked), "Reading the point", context.wake, start=False)
         self._waiting.append(_Reading(worker, picked, arrived))
         self._start_next()
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from ...common.paths import own_weights
 from ...picture.settings import VIEWS, Settings
+from ..kit.notices import Notices
 from ..kit.worker import Worker
-from ..session import loading
-from ..session.notices import Notices
+from .networks import network_key, smaller_networks
 from .picture_plan import Picture
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class ViewSettings:
     @property
     def networks(self) -> tuple[str, ...]:
         """The quality chosen, then those of smaller networks that are loaded with it, for flight."""
-        return self.settings.quality, *loading.smaller_networks(self.settings)
+        return self.settings.quality, *smaller_networks(self.settings)
 
     # -- settings ----------------------------------------------------------------------------------------------------
 
@@ -81,7 +81,7 @@ class ViewSettings:
         neural = settings.view == "neural" or (self.split and self.left == "neural")
         network = operator.attrgetter("quality", "weights", "precision", "device")
         neural |= network(settings) != network(self.settings)  # missing weights or devices are reported at once
-        if neural and loading.network_key(settings) not in self._networks:
+        if neural and network_key(settings) not in self._networks:
             self._wait_for_network(settings)
             return
         self.settings, self.wanted = settings, None
@@ -138,7 +138,7 @@ class ViewSettings:
     def choose_left(self, view: str) -> None:
         """The left side of the comparison."""
         self._picture.dirty = True
-        if view == "neural" and loading.network_key(self.shown_settings) not in self._networks:
+        if view == "neural" and network_key(self.shown_settings) not in self._networks:
             self._left_wanted = view  # shown once its network is there; see poll
             self._wait_for_network(self.shown_settings)
         else:
@@ -151,7 +151,7 @@ class ViewSettings:
 
         self.wanted = settings
         if self.network_load is None:
-            self._loaded = loading.network_key(settings)
+            self._loaded = network_key(settings)
             self.network_load = Worker(lambda: self.load_network(settings), "Loading the network", self._wake)
 
     def poll(self) -> None:
@@ -163,14 +163,14 @@ class ViewSettings:
         wanted = self.wanted
         if work.error is not None:
             self._notices.say("The network cannot be used", work.error)
-            if wanted is not None and loading.network_key(wanted) != loaded:  # another was chosen meanwhile
+            if wanted is not None and network_key(wanted) != loaded:  # another was chosen meanwhile
                 self._wait_for_network(wanted)
             else:
                 self.wanted = self._left_wanted = None
             return
         assert loaded is not None
         self._networks.add(loaded)
-        if self._left_wanted is not None and loading.network_key(self.shown_settings) in self._networks:
+        if self._left_wanted is not None and network_key(self.shown_settings) in self._networks:
             self.left, self._left_wanted = self._left_wanted, None
             self._picture.dirty = True
         if wanted is not None:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from ...work.pictures.picture_spec import PictureSpec
 from ..flight.flight import Flight
-from ..session.visit import Visit
-from .picture_plan import Picture, Plan
-from .view_settings import ViewSettings
-from .window_area import WindowArea
+from ..planning.picture_plan import Picture, Plan
+from ..planning.view_settings import ViewSettings
+from ..planning.window_area import WindowArea
+from .visit import Visit
 
 
 class ScreenState:

@@ -7,7 +7,7 @@ the help page shows what the person's own keyboard prints there.  Mouse controls
 from dataclasses import dataclass
 from typing import Literal
 
-from ..interaction.table import TOOLS
+from .table import TOOLS
 
 
 @dataclass(frozen=True)
