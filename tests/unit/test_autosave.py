@@ -62,7 +62,7 @@ def test_a_full_disk_is_said_once_and_the_autosave_is_tried_again(window, tmp_pa
         until(lambda: window.flow.autosave.problem)
         window.flow.follow()
         window.flow.follow()
-        told = [toast.text for toast in window.kit.notices.toasts if "No space left" in toast.text]
+        told = [toast.text for toast in window.session.notices.toasts if "No space left" in toast.text]
         assert len(told) == 1 and window.flow.changed
     until(lambda: autosaves(tmp_path))
     until(lambda: not window.flow.autosave.problem)
@@ -133,7 +133,7 @@ def test_restored_work_is_unsaved_and_its_autosave_goes_on(window, tmp_path):
     window.flow.look_for_offers()
     window.flow.follow()
     assert window.asked == "Restore unsaved work of room.ply?"
-    assert "1 measurement" in window.kit.notices.message.text
+    assert "1 measurement" in window.session.notices.message.text
     window.answer("Restore")
     assert window.session.document.measurements == (TAPE,) and window.flow.changed
     window.edit(clips=(BOX,))

@@ -204,7 +204,7 @@ def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
 def test_frame_times_become_a_plot(tmp_path):
     from PIL import Image
 
-    from pointglass.viewer.window.session.frame_times import FrameTimes
+    from pointglass.viewer.window.session.time_recording import FrameTimes
 
     times, rng = FrameTimes(), np.random.default_rng(3)
     for number in range(40):

@@ -8,7 +8,7 @@ import pytest
 from window_session import session
 
 from pointglass.viewer.window.flight.gamepad import DEAD_ZONE, STILL, Gamepad, Push, beyond_dead_zone
-from pointglass.viewer.window.shell import controls
+from pointglass.viewer.window.interaction import controls
 
 
 class FakeGlfw:

@@ -86,9 +86,9 @@ def test_a_change_made_while_another_scan_loads_is_asked_about_again(window, tmp
     other_scan.touch()
     window.edit(measurements=(TAPE,))
     window.flow.leave(lambda: window.session.open([other_scan]))
-    message = window.kit.notices.message
-    window.kit.notices.answer([each.label for each in message.answers].index("Discard"))
-    window.kit.notices.take_answer()
+    message = window.session.notices.message
+    window.session.notices.answer([each.label for each in message.answers].index("Discard"))
+    window.session.notices.take_answer()
     window.edit(clips=(BOX,))  # before the scan has come
     window.take()
     assert window.asked and window.session.document.clips == (BOX,)
@@ -134,7 +134,7 @@ def test_a_save_that_fails_says_so_in_one_line_and_keeps_the_work_unsaved(window
     window.edit(clips=(BOX,))
     left = []
     window.flow._write(tmp_path / "gone" / "room.pointglass", lambda: left.append(1))
-    message = window.kit.notices.message
+    message = window.session.notices.message
     assert message.title == "The project was not saved" and "\n" not in message.text and "room.pointglass" in message.text
     assert window.flow.changed and window.session.work.project is None and left == []
 
@@ -180,7 +180,7 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
     assert window.session.camera.camera_to_world == pytest.approx(left.camera_to_world)
     assert window.session.camera.fy == pytest.approx(left.fy)
     assert window.session.flight.home.position == pytest.approx(home.position), "Home is the start viewpoint"
-    offer = next(notice for notice in window.kit.notices.of_scan if notice.label == "Open it")
+    offer = next(notice for notice in window.session.notices.of_scan if notice.label == "Open it")
     act_on_notice(window.session, offer.action)
     window.take()
     assert window.session.work.project == tmp_path / "room.pointglass" and window.session.document.clips == (BOX,)
@@ -189,7 +189,7 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
 def test_a_window_with_unfinished_work_ends_after_a_question_only(window):
     ended = []
     window.flow.leave(lambda: window.flow.end(["A film is being rendered."], lambda: ended.append(1)))
-    assert window.asked == "Close the window?" and "film" in window.kit.notices.message.text
+    assert window.asked == "Close the window?" and "film" in window.session.notices.message.text
     window.answer("Go on")
     assert ended == []
     window.flow.end(["A film is being rendered."], lambda: ended.append(1))

@@ -20,10 +20,10 @@ from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.interaction import controls
 from pointglass.viewer.window.saving.capture import save_png, stamped
 from pointglass.viewer.window.saving.save_actions import SaveActions
-from pointglass.viewer.window.session.frame_times import FrameTimes
 from pointglass.viewer.window.session.loading import Loaded, expanded, open_each
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.window.session.session import Session
+from pointglass.viewer.window.session.time_recording import FrameTimes
 from pointglass.viewer.window.viewport.present import split_column
 
 if TYPE_CHECKING:

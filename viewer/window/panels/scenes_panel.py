@@ -9,7 +9,7 @@ from ..interaction.tool import Toolbox, ToolContext
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
-from ..session.actions import Actions
+from ..session.panel_actions import Actions
 from ..session.scan_notice_actions import act_on_notice
 from ..session.session import Session
 from .status_bar import count_text, units_text

@@ -11,7 +11,7 @@ from ..kit import theme
 from ..kit.image_texture import texture_of
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import DOCKED, button, heading, hint, small
-from ..session.actions import Actions
+from ..session.panel_actions import Actions
 from ..session.recent import RecentScan, load_thumbnail, recent_scans
 from ..session.recovery import Recoverable
 from .status_bar import count_text

@@ -12,8 +12,8 @@ from ...common.text import counted
 from ...work.pictures.shot_metadata import KEY, cannot_repeat
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.worker import Worker
-from ..session.frame_times import FrameTimes
 from ..session.session import Session
+from ..session.time_recording import FrameTimes
 from ..viewport.viewport import Viewport
 from . import capture
 from .saved_picture import saved_picture, shot_of

@@ -32,9 +32,9 @@ from ..planning.picture_plan import Picture, Plan
 from ..planning.view_settings import ViewSettings
 from ..planning.window_area import WindowArea
 from . import loading
-from .frame_times import FrameTimes
 from .recovery import Recoverable
 from .screen_state import ScreenState
+from .time_recording import FrameTimes
 from .visit import Visit
 from .work import Work
 
@@ -55,8 +55,7 @@ class Session:
     help, interface, profiler: which of them are open.
     dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
-    open_scene, load_network, clock, wake: what it depends on, replaceable in tests.
-    """
+    open_scene, load_network, clock, wake: replaceable in tests."""
 
     def __init__(
         self,

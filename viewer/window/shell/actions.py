@@ -41,7 +41,7 @@ class Host(Protocol):
 
 
 class WindowActions:
-    """What panels may have this window do: viewer.window.session.actions.Actions.  table: name of a control -> what it does."""
+    """What panels may have this window do (viewer.window.session.panel_actions).  table: name of a control -> what it does."""
 
     def __init__(self, host: Host):
         self._host, self.table = host, action_table(host)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from ..interaction.tool import Toolbox, ToolContext
     from ..kit.theme import Theme
     from ..panels.start_page import StartPage
-    from ..session.actions import Actions
     from ..session.missing_scans import MissingScansDialog
+    from ..session.panel_actions import Actions
     from ..session.project_flow import ProjectFlow
     from ..session.session import Session
     from ..viewport.viewport import Viewport
