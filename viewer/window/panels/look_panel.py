@@ -9,8 +9,6 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from ....model.network.qualities import QUALITIES
-from ....model.network.weights_folder import weights_file
 from ...picture.background import COLOURS
 from ...picture.settings import BACKGROUNDS, CHOICES, VIEWS, Settings
 from ..kit import theme

@@ -5,7 +5,6 @@ from ....model.network.weights_folder import weights_file
 from ...picture.settings import QUALITIES, Settings
 
 
-
 def network_key(settings: Settings) -> tuple:
     """The settings that decide which network is used."""
     return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
