@@ -3,8 +3,9 @@
 ``python -m pointglass.viewer.compile_kernels``.
 
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
-with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, renders the scan in
-every view, and opens it once more from the cache.  Without it the first scan that is opened waits for the compiler instead.
+with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it and
+points at it, renders the scan in every view, and opens it once more from the cache.  Without it the first scan that is opened
+waits for the compiler instead.
 """
 
 import os
@@ -29,6 +30,7 @@ def compile_kernels() -> str | None:
         os.environ["POINTGLASS_CACHE"] = str(Path(folder) / "cache")
         try:
             _open_scans(Path(folder))
+            _draw_and_point()
             _render_demo()
         except DeviceError as error:
             return str(error)
@@ -52,6 +54,27 @@ def _open_scans(folder: Path) -> None:
     np.savetxt(text, np.c_[rng.uniform(0, 4, (5000, 3)), rng.integers(0, 256, (5000, 3))], fmt="%.4f %.4f %.4f %d %d %d")
     open_scene(text, cache=False)
     surroundings(sample_scene(open_scene(demo_scan())), np.zeros(3))
+
+
+def _draw_and_point() -> None:
+    """A plan as ``section`` draws it, and the point under the pointer as the window finds it."""
+    import numpy as np
+
+    from .commands.demo import demo_scan
+    from .commands.section.cut import plan
+    from .commands.section.orthographic import draw
+    from .grid.open_scene import open_scene
+    from .picture.camera import from_fov
+    from .work.places.pick import pick, surface_around
+    from .work.selection import Selection
+
+    scene = open_scene(demo_scan())
+    middle = scene.bounds.mean(axis=0)
+    draw(Selection(scene), plan(float(middle[2]), 0.1), 0.02)
+    pose = np.eye(4)
+    pose[:3, 3] = middle
+    pick(scene, from_fov(64, 48, 60.0, pose), np.ones((48, 64), bool), np.ones((48, 64), np.float32), (32.0, 24.0))
+    surface_around(scene, middle)
 
 
 def _render_demo() -> None:
