@@ -12,7 +12,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from pointglass.model.common.files.atomic_write import write_atomic
 from pointglass.viewer.common.paths import assets_dir
-from pointglass.viewer.picture.settings import VIEWS, Settings
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.picture.views import VIEWS
 
 SIZE = (640, 480)
 PICTURE = Path("readme") / "four-views.jpg"

@@ -5,9 +5,9 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     vec4 clip_rows[3 * MOST_CLIPS];  // xyz: view frame, w: offset; a point is inside where all three rows give -1..1
     uvec4 clip_groups;   // x: how many clips; bits of the clips: y: boxes that keep, z: slabs that keep, w: that remove
     uvec4 hidden[2];     // a bit for each station
-    vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
+    vec4 upward;         // xyz: the axis of BY_ALONG in the view frame; w: the eye along it, above the ramp's lower end
     vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
-    uvec4 mode;          // x: colour mode, index in viewer.picture.look.COLOUR_BY; y: 1 where points have classes; z: 1 + station to be dimmed
+    uvec4 mode;          // x: what colours points, BY_... (viewer.picture.colour_modes.PointValue); y: 1 where points have classes; z: 1 + station to be dimmed
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
 };
 
@@ -34,17 +34,17 @@ uint dimmed(uint third) {
 // The point's third word with the colour of its attribute; unchanged where points are coloured by RGB and not dimmed.
 uint recoloured(uint second, uint third, vec3 at) {
     if (mode.z == 1u + (third >> 24)) return dimmed(third);
-    if (mode.x == 0u) return third;
+    if (mode.x == uint(BY_COLOUR)) return third;
     uint row;
-    if (mode.x == 3u) row = point_class(second, mode.y != 0u);
-    else if (mode.x == 4u) row = third >> 24;
+    if (mode.x == uint(BY_CLASS)) row = point_class(second, mode.y != 0u);
+    else if (mode.x == uint(BY_STATION)) row = third >> 24;
     else {
         // In the order of viewer/render/raster/point_loops.py, which must choose the same colour.
-        precise float height = ((upward.x * at.x + upward.y * at.y) + upward.z * at.z) + upward.w;
+        precise float along = ((upward.x * at.x + upward.y * at.y) + upward.z * at.z) + upward.w;
         precise float far = sqrt((at.x * at.x + at.y * at.y) + at.z * at.z);
-        float above = mode.x == 1u ? point_intensity(second, mode.y != 0u, ramp.zw) - ramp.x
-                    : mode.x == 2u ? height
-                    : far - ramp.x;
+        float above = mode.x == uint(BY_INTENSITY) ? point_intensity(second, mode.y != 0u, ramp.zw) - ramp.x
+                    : mode.x == uint(BY_ALONG) ? along
+                    : far - ramp.x;  // BY_DISTANCE
         precise float level = above * ramp.y;
         row = uint(clamp(level, 0.0, 255.0) + 0.5);
     }

@@ -82,7 +82,8 @@ def _render_demo() -> None:
     from .commands.demo import demo_scan
     from .common.paths import assets_dir
     from .grid.open_scene import open_scene
-    from .picture.settings import VIEWS, Settings
+    from .picture.settings import Settings
+    from .picture.views import VIEWS
     from .render.culling.occlusion import Occlusion
     from .render.device.context import create_context
     from .render.renderer import Renderer

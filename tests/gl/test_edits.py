@@ -10,7 +10,8 @@ from pointglass.viewer.grid.marked_points import MarkedPoints
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box, Slab, contains, normals, vector
-from pointglass.viewer.picture.look import Look, category_colours, levels, ramp_colours
+from pointglass.viewer.picture.colour_modes import category_colours, levels, ramp_colours
+from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.raster.edits import Edits, dimmed, ends_of

@@ -13,7 +13,8 @@ from test_stations import scanned
 from pointglass.model.common.atomics import atomic_add, atomic_max
 from pointglass.model.common.jit import compiled
 from pointglass.model.common.process import processors
-from pointglass.viewer.picture.look import COLOUR_BY, Look
+from pointglass.viewer.picture.colour_modes import COLOUR_BY
+from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import SOFT_Z, Settings
 from pointglass.viewer.render.device.context import describe_device
 from pointglass.viewer.render.raster import raster_cpu

@@ -36,7 +36,8 @@ def main(out: Path) -> None:
     from pointglass.viewer.commands.demo import contact_sheet
     from pointglass.viewer.common.files import write_png
     from pointglass.viewer.grid.open_scene import open_scene
-    from pointglass.viewer.picture.settings import VIEWS, Settings
+    from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.picture.views import VIEWS
     from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
 

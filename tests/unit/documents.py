@@ -4,7 +4,8 @@ import numpy as np
 
 from pointglass.viewer.picture.camera import look_at
 from pointglass.viewer.picture.clip import Box, Slab, vector
-from pointglass.viewer.picture.look import COLOUR_BY, RAMPS, Look
+from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
+from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
 from pointglass.viewer.work.measure import KINDS, MeasuredPoint, Measurement

@@ -4,18 +4,8 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.common.errors import InputError
-from pointglass.viewer.picture.look import (
-    CLASSES,
-    Look,
-    category_colours,
-    disc,
-    enlarged,
-    eye_dome,
-    levels,
-    ramp_colours,
-    tone_curves,
-    toned,
-)
+from pointglass.viewer.picture.colour_modes import CLASSES, category_colours, levels, ramp_colours
+from pointglass.viewer.picture.look import Look, disc, enlarged, eye_dome, tone_curves, toned
 
 
 def test_nothing_set_changes_nothing(seed):

@@ -8,8 +8,10 @@ import pytest
 from window_session import session, stats
 
 from pointglass.viewer.picture.clip import Box, Slab
-from pointglass.viewer.picture.look import COLOUR_BY, RAMPS, Look
-from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES, VIEWS
+from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
+from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
+from pointglass.viewer.picture.views import VIEWS
 from pointglass.viewer.work.document import GHOSTS, Alterations, Document
 from pointglass.viewer.work.pictures.picture_spec import PictureSpec
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.picture.provenance import PROVENANCE, provenance, views_with_mask
-from pointglass.viewer.picture.settings import VIEWS
+from pointglass.viewer.picture.views import VIEWS
 
 
 def plain(view: str, alpha: int, kept: bool) -> int:

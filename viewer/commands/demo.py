@@ -11,7 +11,8 @@ import numpy as np
 from ..common.errors import InputError
 from ..common.files import out_folder, write_png
 from ..common.paths import assets_dir
-from ..picture.settings import VIEWS, Settings
+from ..picture.settings import Settings
+from ..picture.views import VIEWS
 
 if TYPE_CHECKING:
     from ..picture.camera import Camera

@@ -18,7 +18,8 @@ from ..common.progress import progress
 from ..common.text import counted
 from ..picture.camera import Camera
 from ..picture.provenance import provenance, views_with_mask
-from ..picture.settings import Memory, Settings, View
+from ..picture.settings import Memory, Settings
+from ..picture.views import ViewName
 from .arguments import PathLike, RenderSettings, memory_of, path_of, python_names, settings_of
 from .measured_points import Points
 from .pictures import Frame, Picture, as_picture
@@ -80,37 +81,37 @@ class Scan:
 
     @overload
     def render(
-        self, camera: Camera, *, view: View = "neural", full: Literal[False] = False, **settings: Unpack[RenderSettings]
+        self, camera: Camera, *, view: ViewName = "neural", full: Literal[False] = False, **settings: Unpack[RenderSettings]
     ) -> Picture: ...
 
     @overload
     def render(
-        self, camera: Camera, *, view: View = "neural", full: Literal[True], **settings: Unpack[RenderSettings]
+        self, camera: Camera, *, view: ViewName = "neural", full: Literal[True], **settings: Unpack[RenderSettings]
     ) -> Frame: ...
 
     @overload
     def render(
-        self, camera: Camera, *, view: View = "neural", full: bool, **settings: Unpack[RenderSettings]
+        self, camera: Camera, *, view: ViewName = "neural", full: bool, **settings: Unpack[RenderSettings]
     ) -> Picture | Frame: ...
 
     @overload
     def render(
-        self, camera: Iterable[Camera], *, view: View = "neural", full: Literal[False] = False,
+        self, camera: Iterable[Camera], *, view: ViewName = "neural", full: Literal[False] = False,
         **settings: Unpack[RenderSettings],
     ) -> list[Picture]: ...  # fmt: skip
 
     @overload
     def render(
-        self, camera: Iterable[Camera], *, view: View = "neural", full: Literal[True], **settings: Unpack[RenderSettings]
+        self, camera: Iterable[Camera], *, view: ViewName = "neural", full: Literal[True], **settings: Unpack[RenderSettings]
     ) -> list[Frame]: ...
 
     @overload
     def render(
-        self, camera: Iterable[Camera], *, view: View = "neural", full: bool, **settings: Unpack[RenderSettings]
+        self, camera: Iterable[Camera], *, view: ViewName = "neural", full: bool, **settings: Unpack[RenderSettings]
     ) -> list[Picture] | list[Frame]: ...
 
     def render(
-        self, camera: Camera | Iterable[Camera], *, view: View = "neural", full: bool = False,
+        self, camera: Camera | Iterable[Camera], *, view: ViewName = "neural", full: bool = False,
         **settings: Unpack[RenderSettings],
     ) -> Any:  # fmt: skip
         """A picture of the scan, exact and waited for; of several cameras a list of pictures.

@@ -2,8 +2,8 @@
 
 Two parts, both plain NumPy here, which the shaders are tested against:
 
-- **Colour by attribute**: every point gets a colour from its intensity, height, class, station or distance instead of its RGB,
-  before the points of a pixel are averaged (shaders/common_recolour.glsl).
+- **Colour by attribute** (viewer.picture.colour_modes): every point gets a colour from its intensity, height, class, station or
+  distance instead of its RGB, before the points of a pixel are averaged (shaders/common_edits.glsl).
 - **Development** of the finished picture: point size and eye-dome lighting (raw and filtered views, which show points), then
   exposure, white balance and brightness as one table of 256 levels a channel, exact to the byte.
 
@@ -15,41 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..common.errors import InputError
+from .colour_modes import COLOUR_BY, LEVELS, RAMPS, PointValue
 
-COLOUR_BY: dict[str, str] = {
-    "rgb": "the scan's own colours",
-    "intensity": "strength of the returned laser pulse, as stored",
-    "height": "coordinate along the up axis",
-    "class": "classification of the file (LAS codes)",
-    "station": "scan, or station of a scan",
-    "distance": "distance from the camera",
-}
-"""What points are coloured by.  The network and the hole fill know RGB only: with anything else the picture shows points."""
-RAMPS: dict[str, tuple[tuple[int, int, int], ...]] = {
-    "viridis": ((68, 1, 84), (72, 24, 106), (71, 45, 123), (66, 64, 134), (59, 82, 139), (51, 99, 141), (44, 114, 142),
-                (38, 130, 142), (33, 145, 140), (31, 160, 136), (40, 174, 128), (63, 188, 115), (94, 201, 98), (132, 212, 75),
-                (173, 220, 48), (216, 226, 25), (253, 231, 37)),
-    "turbo": ((48, 18, 59), (64, 64, 162), (70, 107, 227), (66, 148, 255), (40, 188, 235), (24, 221, 194), (50, 242, 152),
-              (109, 254, 98), (164, 252, 60), (205, 236, 52), (238, 207, 58), (253, 172, 52), (251, 126, 33), (235, 80, 14),
-              (208, 47, 5), (169, 22, 1), (122, 4, 3)),
-    "grey": ((0, 0, 0), (255, 255, 255)),
-}  # fmt: skip
-"""Evenly spaced colours between which is interpolated; viridis and turbo as matplotlib has them."""
-CLASSES: dict[int, tuple[str, tuple[int, int, int]]] = {
-    0: ("never classified", (150, 150, 150)), 1: ("unclassified", (180, 180, 180)), 2: ("ground", (165, 112, 60)),
-    3: ("low vegetation", (150, 200, 90)), 4: ("medium vegetation", (90, 170, 60)), 5: ("high vegetation", (30, 120, 40)),
-    6: ("building", (225, 90, 70)), 7: ("low point (noise)", (255, 0, 255)), 8: ("model key point", (255, 220, 60)),
-    9: ("water", (60, 130, 230)), 10: ("rail", (120, 100, 160)), 11: ("road surface", (95, 95, 105)),
-    13: ("wire, guard", (250, 210, 120)), 14: ("wire, conductor", (250, 180, 40)), 15: ("transmission tower", (210, 140, 200)),
-    16: ("wire connector", (250, 150, 90)), 17: ("bridge deck", (130, 160, 190)), 18: ("high noise", (200, 0, 200)),
-}  # fmt: skip
-"""Codes of ASPRS LAS 1.4 (R15, table 17) and a colour each, chosen by eye; others get one of STATION_COLOURS."""
-STATION_COLOURS = (
-    (76, 136, 230), (240, 150, 60), (90, 190, 100), (225, 85, 95), (160, 120, 215), (165, 115, 85), (235, 135, 195),
-    (130, 135, 145), (200, 200, 70), (70, 200, 210), (40, 90, 160), (250, 200, 150),
-)  # fmt: skip
-"""In turn; chosen by eye to be told apart on dark and light."""
-LEVELS = 256
 EXPOSURE_RANGE = 5.0
 """Stops up or down."""
 MOST_POINT_SIZE = 15
@@ -97,6 +64,11 @@ class Look:
             raise InputError(f"eye-dome lighting {self.edl!r}: expected a strength from 0 to 1")
 
     @property
+    def recolours(self) -> bool:
+        """Whether points are coloured by an attribute."""
+        return COLOUR_BY[self.colour_by].value is not PointValue.COLOUR
+
+    @property
     def develops(self) -> bool:
         """Whether the finished picture's tones change."""
         return any((self.exposure, self.brightness, self.temperature, self.tint))
@@ -105,37 +77,6 @@ class Look:
     def shapes_points(self) -> bool:
         """Whether points look other than one pixel each, flat."""
         return self.point_size > 1 or self.edl > 0
-
-
-def ramp_colours(name: str) -> np.ndarray:
-    """(256, 3) uint8: a key of RAMPS, interpolated."""
-    knots = np.array(RAMPS[name], np.float64)
-    at = np.linspace(0, len(knots) - 1, LEVELS)
-    return np.stack([np.rint(np.interp(at, np.arange(len(knots)), knots[:, c])) for c in range(3)], 1).astype(np.uint8)
-
-
-def category_colours(colour_by: str) -> np.ndarray:
-    """(256, 3) uint8: the colour of each class (``class``) or station (``station``) number."""
-    colours = np.array([STATION_COLOURS[i % len(STATION_COLOURS)] for i in range(LEVELS)], np.uint8)
-    if colour_by == "class":
-        for code, (_, colour) in CLASSES.items():
-            colours[code] = colour
-    return colours
-
-
-def table_of(look: Look) -> np.ndarray:
-    """(256, 3) uint8: the colours that the levels of the attribute get."""
-    return category_colours(look.colour_by) if look.colour_by in ("class", "station") else ramp_colours(look.ramp)
-
-
-def levels(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Rows of the ramp, (n,) intp, of attribute values: 0 at ``low`` and below, 255 at ``high`` and above, to the nearest.
-
-    Where high <= low everything at or below low is 0 and the rest 255."""
-    if not high > low:
-        return np.where(np.asarray(values, np.float64) <= low, 0, LEVELS - 1)
-    share = (np.asarray(values, np.float64) - low) / (high - low)
-    return np.floor(np.clip(share, 0.0, 1.0) * (LEVELS - 1) + 0.5).astype(np.intp)
 
 
 def tone_curves(look: Look) -> np.ndarray:

@@ -5,6 +5,8 @@ Values of the map, (H, W) uint8, as ``render --aux`` writes it into NAME.provena
 
 import numpy as np
 
+from .views import VIEWS
+
 BACKGROUND, MEASURED, REPAINTED, FILLED = range(4)
 PROVENANCE: dict[int, str] = {
     BACKGROUND: "background: nothing is shown",
@@ -17,7 +19,7 @@ PROVENANCE: dict[int, str] = {
 def provenance(view: str, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Where each pixel of a picture comes from: a key of PROVENANCE.
 
-    view: the view of the picture (viewer.picture.settings.VIEWS).  image: (H, W, 4) uint8, premultiplied, from ``Frame.image``.
+    view: the view of the picture (viewer.picture.views.VIEWS).  image: (H, W, 4) uint8, premultiplied, from ``Frame.image``.
     mask: (H, W) bool, kept by the filter, from ``Frame.mask``; in the raw view, where nothing is filtered or filled,
     it is not looked at.  Returns (H, W) uint8.
 
@@ -25,11 +27,12 @@ def provenance(view: str, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     a colour hides what is behind it and is not in the mask: its pixel is filled.  Where scanner positions are known, filled and
     neural views blend a measured pixel of low confidence with its neighbours; it still counts as measured.
     """
-    measured = REPAINTED if view == "neural" else MEASURED
-    kept = np.ones_like(mask, bool) if view == "raw" else mask
+    passes = VIEWS[view].passes
+    measured = REPAINTED if "network" in passes else MEASURED
+    kept = mask if "filter" in passes else np.ones_like(mask, bool)
     return np.where(image[..., 3] == 0, BACKGROUND, np.where(kept, measured, FILLED)).astype(np.uint8)
 
 
 def views_with_mask(view: str) -> tuple[str, ...]:
     """The views to render for a picture of ``view`` whose mask is wanted: a mask needs the filter, which raw does not run."""
-    return ("raw", "filtered") if view == "raw" else (view,)
+    return (view,) if "filter" in VIEWS[view].passes else (view, "filtered")

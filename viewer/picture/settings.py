@@ -5,18 +5,11 @@ The command line and the window's panel read these tables, so that each choice i
 
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Literal
 
 from ...model.network.qualities import DEFAULT, QUALITIES
 from ..common.errors import InputError
+from .views import VIEWS
 
-View = Literal["raw", "filtered", "filled", "neural"]
-VIEWS: dict[str, str] = {
-    "raw": "all points, also those of surfaces behind others",
-    "filtered": "points hidden by a nearer surface removed",
-    "filled": "filtered, and holes filled smoothly (pull-push), without the network",
-    "neural": "filtered, filled, and repainted by the network",
-}
 RASTERS: dict[str, str] = {
     "auto": "on a GPU the one that measured faster, otherwise cpu",
     "points": "OpenGL point primitives",
@@ -117,7 +110,7 @@ MEMORY = Memory()
 """The default limits."""
 
 CHOICES: dict[str, dict[str, str]] = {
-    "view": VIEWS,
+    "view": {name: row.text for name, row in VIEWS.items()},
     "raster": RASTERS,
     "filter": FILTERS,
     "quality": {name: row.text for name, row in QUALITIES.items()},

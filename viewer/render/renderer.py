@@ -16,7 +16,8 @@ from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
 from ..common.errors import DeviceLostError, InputError
 from ..common.text import bytes_text, counted
-from ..picture.settings import MEMORY, VIEWS, Memory, Settings
+from ..picture.settings import MEMORY, Memory, Settings
+from ..picture.views import VIEWS, passes_of
 from .culling.cull import Culler, DrawList
 from .culling.enclosed_directions import OPEN, Directions, Enclosure
 from .culling.occlusion import GAP_LEVELS, History, Occlusion, may_hide
@@ -121,12 +122,13 @@ class Renderer(SizedPasses):
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
                 edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
         self._serial += 1
+        passes = passes_of(views)
         for stage in self._networks():
             stage.drop()  # what it may still run is a picture that this one replaces
         if not self.device.software and context_lost(self.context):
             raise DeviceLostError(LOST)
         self._resize((camera.width, camera.height), self.device.texture_limit)
-        if "neural" in views:  # before anything is drawn
+        if "network" in passes:  # before anything is drawn
             from .network.bridge import check_room
 
             check_room(self.device, self._size)
@@ -172,13 +174,13 @@ class Renderer(SizedPasses):
             facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
             facts["approximations"].append("hidden cells skipped")
         mask = None
-        if set(views) - {"raw"}:
+        if "filter" in passes:
             steps: list[DepthFilter | CpuDepthFilter] = []
             stages.run("filter", lambda: steps.append(self._filtered(settings, rasteriser)))
             textures["filtered"], mask = steps[0].filtered, steps[0].mask
-            if {"filled", "neural"} & set(views):
+            if "fill" in passes:
                 self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
-                              neural="neural" in views, defer_network=defer_network, streaming=streaming)
+                              neural="network" in passes, defer_network=defer_network, streaming=streaming)
         stages.end()
         return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.progress import progress
-from ...picture.settings import VIEWS, Settings
+from ...picture.settings import Settings
+from ...picture.views import VIEWS
 from ...work.places.viewpoints import camera_path, named_views
 from ..bench_input import Subject
 from ..plots import INK, figure, save

@@ -10,19 +10,19 @@ import numpy as np
 
 from ...picture import provenance_tint
 from ...picture.look import EDL_GAIN, Look, disc, tone_curves
+from ...picture.views import VIEWS
 from ..device import shader
 
 if TYPE_CHECKING:
     import moderngl
 
-SHOWS_POINTS = ("raw", "filtered")
-"""Views in which point size and eye-dome lighting apply: only these show points."""
-_KINDS = {"raw": 0, "filtered": 1, "filled": 1, "neural": 2}
+_MASKED, _REPAINTED = 1, 2
+"""Of look_provenance.comp: some pixels are not measured; and the measured ones are repainted."""
 
 
 def needs(look: Look, view: str, *, tint: bool, lock: bool) -> bool:
     """Whether a picture of ``view`` is developed at all; otherwise the frame's own texture is shown."""
-    return tint or look.develops or (look.shapes_points and view in SHOWS_POINTS) or (lock and view == "neural")
+    return tint or look.develops or (look.shapes_points and VIEWS[view].shows_points) or (lock and view == "neural")
 
 
 class Rendered(Protocol):
@@ -60,12 +60,14 @@ class Developer:
         measured = frame.textures.get("filtered", picture)
         if lock and view == "neural" and mask is not None:
             picture = self._pass("look_lock.comp", {"picture": picture, "measured": measured, "mask": mask})
-        if view in SHOWS_POINTS and look.shapes_points:
+        if VIEWS[view].shows_points and look.shapes_points:
             picture = self._shaped(picture, depth, mask if view == "filtered" else None, look)
         if tint:
             inputs = {"picture": picture, "measured": measured, "mask": mask or picture}
             colours = [provenance_tint.COLOURS[key] for key in sorted(provenance_tint.COLOURS)]
-            return self._pass("look_provenance.comp", inputs, {"kind": _KINDS[view], "colours": colours},
+            passes = VIEWS[view].passes
+            kind = _REPAINTED if "network" in passes else _MASKED if "filter" in passes else 0
+            return self._pass("look_provenance.comp", inputs, {"kind": kind, "colours": colours},
                               FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT)
         if look.develops:
             if look != self._look:

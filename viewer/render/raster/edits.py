@@ -3,7 +3,7 @@
 Clips, hidden stations and hidden ghosts remove points, the look colours them by an attribute, dimmed ghosts are a faint grey.
 A picture without edits runs programs compiled
 without them.  With edits, cells that clips remove completely are not drawn, and the rest is decided point by point
-(shaders/common_edits.glsl).  References: viewer.picture.clip.contains and viewer.picture.look.levels.
+(shaders/common_edits.glsl).  References: viewer.picture.clip.contains and viewer.picture.colour_modes.levels.
 Frame: clips and heights in file coordinates, float64; handed to the GPU in the view frame relative to the camera, float32.
 """
 
@@ -16,7 +16,9 @@ import numpy as np
 
 from ...grid.scene import unpack
 from ...picture.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
-from ...picture.look import COLOUR_BY, LEVELS, Look, table_of
+from ...picture.colour_modes import COLOUR_BY, LEVELS, PointValue, colours_of
+from ...picture.look import Look
+from ...picture.views import POINT_VIEWS
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -30,7 +32,9 @@ BLOCK = np.dtype([
 """The uniform block Edits of common_edits.glsl (std140)."""
 DIMMED_LEAST, DIMMED_SHIFT = 40, 2
 """A dimmed point is grey: this level, and its own brightness shifted right by this many bits; chosen by hand."""
-DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT}
+DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT,
+           **{f"BY_{value.name}": int(value) for value in PointValue}}
+"""Constants of common_edits.glsl."""
 _SAMPLE = 200_000
 """Points whose attributes determine the ends of a colour ramp.  How it was chosen is not recorded."""
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
@@ -56,11 +60,11 @@ class Edits:
     @property
     def recolours(self) -> bool:
         """Whether points are coloured by an attribute."""
-        return self.look.colour_by != "rgb"
+        return self.look.recolours
 
     def shown_in(self, views: Iterable[str]) -> "Edits | None":
         """The edits that apply to a picture of these views, None where none does: hole fill and network use RGB only."""
-        plain = self if set(views) <= {"raw", "filtered"} else replace(self, look=replace(self.look, colour_by="rgb"))
+        plain = self if set(views) <= set(POINT_VIEWS) else replace(self, look=replace(self.look, colour_by="rgb"))
         return None if plain.empty else plain
 
     def hidden_in(self, scene: "Scene") -> frozenset[int]:
@@ -90,7 +94,8 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
         if 0 <= station < LEVELS:
             data["hidden"][station // 32] |= np.uint32(1 << station % 32)
     low, high = ends_of(edits, scene, camera)
-    up = np.array(edits.up)
+    mode = COLOUR_BY[edits.look.colour_by]
+    up = np.array(mode.axis or edits.up)
     data["upward"] = (*(rotation @ up), up @ camera.position - low)
     data["ramp"][:2] = low, (LEVELS - 1) / (high - low) if high > low else 1e30
     layout = scene.attributes
@@ -98,8 +103,8 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
     data["mode"][1] = layout.has_classes
     if scene.marked is not None and edits.ghosts == "dimmed":
         data["mode"][2] = scene.marked.station + 1
-    data["mode"][0] = list(COLOUR_BY).index(edits.look.colour_by)
-    colours = table_of(edits.look).astype(np.uint32)
+    data["mode"][0] = mode.value
+    colours = colours_of(edits.look.colour_by, edits.look.ramp).astype(np.uint32)
     data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16
     return data.tobytes()
 
@@ -116,23 +121,24 @@ def ends_of(edits: Edits, scene: "Scene", camera: "Camera | None" = None) -> tup
     camera: for distances; None: those are told from the middle of the scan.
     """
     low, high = edits.look.low, edits.look.high
-    if (low is None or high is None) and edits.look.colour_by in ("intensity", "height", "distance"):
+    if (low is None or high is None) and COLOUR_BY[edits.look.colour_by].legend == "ramp":
         least, most = _extremes(edits, scene, camera)
         low, high = least if low is None else low, most if high is None else high
     return low or 0.0, high or 0.0
 
 
 def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[float, float]:
-    """Least and greatest of the attribute: heights and distances of the scan's bounds, intensities of 99 % of a sample."""
-    if edits.look.colour_by == "intensity":
+    """Least and greatest of the attribute: coordinates and distances of the scan's bounds, intensities of 99 % of a sample."""
+    mode = COLOUR_BY[edits.look.colour_by]
+    if mode.value is PointValue.INTENSITY:
         if scene not in _INTENSITIES:
             intensity = unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2]  # the coarsest layers: evenly from the whole scan
             low, high = np.percentile(intensity, [0.5, 99.5]) if len(intensity) else (0.0, 0.0)
             _INTENSITIES[scene] = float(low), float(high)
         return _INTENSITIES[scene]
     corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
-    if edits.look.colour_by == "height":
-        values = corners @ np.array(edits.up)
+    if mode.value is PointValue.ALONG:
+        values = corners @ np.array(mode.axis or edits.up)
         return float(values.min()), float(values.max())
     eye = camera.position if camera is not None else scene.bounds.mean(axis=0)
     return 0.0, float(np.linalg.norm(corners - eye, axis=1).max())

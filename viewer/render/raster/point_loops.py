@@ -1,7 +1,7 @@
 """Compiled decisions about one point: whether edits drop it, its colour, and its weight in view-dependent blending.
 
 The same operations, in the same order and in float32, as shaders/common_edits.glsl, common_attributes.glsl and
-common_stations.glsl.  References: viewer.picture.clip.contains, viewer.picture.look.levels and
+common_stations.glsl.  References: viewer.picture.clip.contains, viewer.picture.colour_modes.levels and
 model/reference/station_weights.py.
 """
 
@@ -11,9 +11,12 @@ import numpy as np
 
 from ....model.common.jit import compiled
 from ....model.reference.station_constants import HEAVIEST, UNPLACED
+from ...picture.colour_modes import PointValue
 from .edits import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
 
 _F, _U = np.float32, np.uint32
+_COLOUR, _CLASS, _STATION = int(PointValue.COLOUR), int(PointValue.CLASS), int(PointValue.STATION)
+_INTENSITY, _ALONG = int(PointValue.INTENSITY), int(PointValue.ALONG)
 
 
 class Edited(NamedTuple):
@@ -60,21 +63,21 @@ def recoloured(edits, second, third, x, y, z):
     if mode[2] == _U(1) + (third >> _U(24)):
         grey = _U(77) * (third & _U(0xFF)) + _U(150) * (third >> _U(8) & _U(0xFF)) + _U(29) * (third >> _U(16) & _U(0xFF))
         return third & _U(0xFF000000) | (_U(DIMMED_LEAST) + (grey >> _U(8 + DIMMED_SHIFT))) * _U(0x010101)
-    if mode[0] == 0:
+    if mode[0] == _COLOUR:
         return third
-    if mode[0] == 3:
+    if mode[0] == _CLASS:
         row = second >> _U(24) if classes else _U(0)
-    elif mode[0] == 4:
+    elif mode[0] == _STATION:
         row = third >> _U(24)
     else:
-        if mode[0] == 1:
+        if mode[0] == _INTENSITY:
             bits = second >> _U(16)
             intensity = np.rint(_F(bits & _U(0xFF)) * ramp[3] + ramp[2]) if classes else _F(bits)
             above = intensity - ramp[0]
-        elif mode[0] == 2:
+        elif mode[0] == _ALONG:
             up = edits.upward
             above = ((up[0] * x + up[1] * y) + up[2] * z) + up[3]
-        else:
+        else:  # PointValue.DISTANCE
             above = np.sqrt((x * x + y * y) + z * z) - ramp[0]
         level = above * ramp[1]
         row = _U((min(level, _F(255.0)) if level > _F(0.0) else _F(0.0)) + _F(0.5))

@@ -3,6 +3,7 @@
 Colours by attribute, point size and eye-dome lighting act where points are shown: in the raw and filtered views.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -10,7 +11,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...grid.scene import unpack
-from ...picture.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
+from ...picture.colour_modes import CLASSES, COLOUR_BY, RAMPS, Need, PointValue, category_colours, colours_of
+from ...picture.look import EXPOSURE_RANGE, MOST_POINT_SIZE, Look
+from ...picture.views import POINT_VIEWS
 from ...render.raster.edits import ends_of
 from ...work.places.pick import station_name
 from .editing import edit, unit_of
@@ -20,25 +23,26 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ..kit.overlay import OverlayCanvas
 
-POINT_VIEWS = ("raw", "filtered")
 _MOST_ROWS = 12  # of a legend
 _SAMPLE = 200_000  # points that tell whether a scan has intensities
 
 
 def missing(scene: "Scene", colour_by: str) -> str | None:
     """Why a scan cannot be coloured by an attribute, None where it can."""
-    if colour_by == "class" and not scene.attributes.has_classes:
-        return "this scan has no classification"
-    if colour_by == "station" and len(scene.meta.get("scans") or []) < 2:
-        return "this scan is a single station"
-    if colour_by == "intensity" and scene.attributes.low is None and not _has_intensity(scene):
-        return "this scan has no intensity"
-    return None
+    needs = COLOUR_BY[colour_by].needs
+    return None if needs is None or _HAS[needs](scene) else needs.value
 
 
 def _has_intensity(scene: "Scene") -> bool:
-    """Of a grid of an earlier version, which does not say."""
-    return bool(unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2].any())
+    """A grid of an earlier version does not say."""
+    return scene.attributes.low is not None or bool(unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2].any())
+
+
+_HAS: "dict[Need, Callable[[Scene], bool]]" = {
+    Need.INTENSITY: _has_intensity,
+    Need.CLASSES: lambda scene: scene.attributes.has_classes,
+    Need.STATIONS: lambda scene: len(scene.meta.get("scans") or []) > 1,
+}
 
 
 class AttributeLegend(Overlay):
@@ -48,16 +52,17 @@ class AttributeLegend(Overlay):
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         look, scene = context.document.look, context.scene
-        if scene is None or look.colour_by == "rgb" or not set(context.session.screen.drawn) <= set(POINT_VIEWS):
+        if scene is None or not look.recolours or not set(context.session.screen.drawn) <= set(POINT_VIEWS):
             return
         if context.session.work.tint:
             return
         from ..kit.legend import draw_legend, draw_ramp
 
-        title = COLOUR_BY[look.colour_by]
-        if look.colour_by in ("class", "station"):
+        mode = COLOUR_BY[look.colour_by]
+        title = mode.text
+        if mode.legend != "ramp":
             colours = category_colours(look.colour_by)
-            if look.colour_by == "station":
+            if mode.legend == "stations":
                 numbers = range(min(len(scene.meta.get("scans") or [0]), 256))
                 named = [(number, station_name(scene, number)) for number in numbers]
             else:
@@ -68,10 +73,10 @@ class AttributeLegend(Overlay):
             draw_legend(overlay, rows, title)  # type: ignore[arg-type]
             return
         low, high = ends_of(context.session.work.edits, scene, context.camera)
-        unit = "" if look.colour_by == "intensity" else f" {unit_of(context)}"
-        if look.colour_by == "intensity":
+        unit = "" if mode.value is PointValue.INTENSITY else f" {unit_of(context)}"
+        if mode.value is PointValue.INTENSITY:
             low, high = scene.attributes.in_file(low), scene.attributes.in_file(high)
-        draw_ramp(overlay, table_of(look), title, f"{low:.4g}{unit}", f"{high:.4g}{unit}")
+        draw_ramp(overlay, colours_of(look.colour_by, look.ramp), title, f"{low:.4g}{unit}", f"{high:.4g}{unit}")
 
 
 class Colours(Tool):
@@ -96,23 +101,24 @@ class Colours(Tool):
         ui.text_unformatted("colour by")
         ui.set_next_item_width(-1)
         if ui.begin_combo("##colour by", look.colour_by):
-            for name, what in COLOUR_BY.items():
+            for name, mode in COLOUR_BY.items():
                 why = self._missing[scene][name]
                 ui.begin_disabled(why is not None)
                 if ui.selectable(name, name == look.colour_by)[0] and name != look.colour_by:
+                    recolours = mode.value is not PointValue.COLOUR
                     self._change(context, "colour_by", colour_by=name, low=None, high=None)
-                    if name != "rgb" and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
+                    if recolours and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
                         context.session.view_settings.show_points()
                         context.toast("Colours by attribute show in the raw and filtered views")
-                    elif name == "rgb":
+                    elif not recolours:
                         context.session.view_settings.show_colours()
                 ui.end_disabled()
                 if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
-                    ui.set_tooltip(why or what)
+                    ui.set_tooltip(why or mode.text)
             ui.end_combo()
-        if look.colour_by in ("intensity", "height", "distance"):
+        if COLOUR_BY[look.colour_by].legend == "ramp":
             self._ramp(ui, context, look)
-        if look.colour_by != "rgb" and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
+        if look.recolours and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
             ui.text_wrapped("Filled and neural views know the scan's own colours only.")
         self._tones(ui, context, look)
         self._points(ui, context, look)
@@ -131,12 +137,13 @@ class Colours(Tool):
             ui.end_combo()
         low, high = ends_of(context.session.work.edits, context.scene, context.camera)
         layout = context.scene.attributes
-        shown = (layout.in_file(low), layout.in_file(high)) if look.colour_by == "intensity" else (low, high)
+        stored = COLOUR_BY[look.colour_by].value is PointValue.INTENSITY
+        shown = (layout.in_file(low), layout.in_file(high)) if stored else (low, high)
         ui.set_next_item_width(-1)
         changed, ends = ui.input_float2("##range", list(shown), "%.4g")
         if changed and np.isfinite(ends).all():
-            stored = [layout.as_stored(float(end)) for end in ends] if look.colour_by == "intensity" else list(map(float, ends))
-            self._change(context, "range", low=stored[0], high=stored[1])
+            low, high = (layout.as_stored(float(end)) if stored else float(end) for end in ends)
+            self._change(context, "range", low=low, high=high)
         if ui.is_item_hovered():
             ui.set_tooltip("lowest and highest value of the colour ramp")
 

@@ -7,6 +7,7 @@ the help page shows what the person's own keyboard prints there.  Mouse controls
 from dataclasses import dataclass
 from typing import Literal
 
+from ...picture.views import VIEWS
 from .table import TOOLS
 
 
@@ -49,10 +50,8 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("F",), "F", "frame", "see the whole scene from here"),
     ),
     "See": (
-        Control(("1",), "1", "view_raw", "raw points"),
-        Control(("2",), "2", "view_filtered", "filtered: hidden points removed"),
-        Control(("3",), "3", "view_filled", "filled: holes closed smoothly"),
-        Control(("4",), "4", "view_neural", "neural: repainted by the network"),
+        *(Control((str(number),), str(number), f"view_{view}", row.key_help)
+          for number, (view, row) in enumerate(VIEWS.items(), 1)),
         Control(("V",), "V", "split", "compare two views, side by side"),
         Control(("DRAG_HANDLE",), "Drag the handle", "split_handle", "move the line between the two", "mouse"),
     ),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.text import coordinate, plain
-from ...picture.look import CLASSES
+from ...picture.colour_modes import CLASSES
 from ...work.places.pick import Picked, is_quick, surface_around
 from ..session.exact_points import ExactPoints
 from .editing import Pointing, unit_of

@@ -4,12 +4,12 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from ...common.text import counted
+from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import FLOATING, MARGIN, PASSIVE
 from ..session.session import Session
 from .status_bar import drawn_text
-from .view_switch import TITLES
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 _LOST_BOX = 112.0, 44.0
@@ -116,7 +116,7 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
             ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
         )
     for view, side in zip(session.screen.drawn, (-1, 1)):
-        title = TITLES[view]
+        title = VIEWS[view].title
         text = imgui.calc_text_size(title)
         pad, gap = ImVec2(px(10), px(5)), px(14)
         left = x - gap - text.x - 2 * pad.x if side < 0 else x + gap

@@ -10,7 +10,8 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from ...picture.background import COLOURS
-from ...picture.settings import BACKGROUNDS, CHOICES, VIEWS, Settings
+from ...picture.settings import BACKGROUNDS, CHOICES, Settings
+from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme
 from ..kit.widgets import (  # fmt: skip
@@ -28,7 +29,6 @@ from ..kit.widgets import (  # fmt: skip
 )
 from ..planning.networks import missing_qualities
 from ..session.session import Session
-from .view_switch import TITLES
 
 _LOD_DEFAULT = 4.0
 _SHIPPED = "shipped"
@@ -103,7 +103,8 @@ def _look(session: Session, new: Settings, look: Theme) -> Settings:
     imgui.same_line()
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(not chosen.split)
-    left = combo("##left side", chosen.left, VIEWS, look, names=TITLES)
+    left = combo("##left side", chosen.left, CHOICES["view"], look,
+                 names={view: row.title for view, row in VIEWS.items()})
     imgui.end_disabled()
     hint("" if chosen.split else "Tick the box to compare two views.", look)
     if left != chosen.left:

@@ -3,14 +3,12 @@ that a smaller network draws while the camera moves is lit and outlined."""
 
 from imgui_bundle import ImVec2, imgui
 
-from ...picture.settings import VIEWS
+from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme, packed
 from ..kit.widgets import DOCKED, MARGIN, hint
 from ..session.session import Session
 
-TITLES = {"raw": "Raw", "filtered": "Filtered", "filled": "Filled", "neural": "Neural"}
-_SHORT = {"raw": "Raw", "filtered": "Filt", "filled": "Fill", "neural": "Net"}
 _WIDTH, _SHORT_WIDTH, _HEIGHT = 84.0, 46.0, 30.0
 
 
@@ -19,9 +17,9 @@ def draw_view_switch(session: Session, look: Theme) -> None:
     if session.scene is None:
         return
     px, area, chosen = look.px, session.area.layout.picture, session.view_settings
-    short = area.width < px(4 * _WIDTH + 60 + 2 * MARGIN)
+    short = area.width < px(len(VIEWS) * _WIDTH + 60 + 2 * MARGIN)
     width, height = px(_SHORT_WIDTH if short else _WIDTH), px(_HEIGHT)
-    whole = 4 * width + px(8) + px(40)
+    whole = len(VIEWS) * width + px(8) + px(40)
     imgui.set_next_window_pos(ImVec2(area.left + max((area.width - whole) / 2, 0.0), area.top + px(10)))
     imgui.set_next_window_size(ImVec2(whole, height + px(8)))
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(px(4), px(4)))
@@ -29,13 +27,13 @@ def draw_view_switch(session: Session, look: Theme) -> None:
     imgui.pop_style_var()
     imgui.push_font(look.regular, theme.SMALL)
     wanted = chosen.shown_settings.view
-    for number, (view, explained) in enumerate(VIEWS.items()):
+    for number, (view, row) in enumerate(VIEWS.items()):
         if number:
             imgui.same_line(0, 0)
         lit, asked = view in session.screen.drawn, view == wanted
-        smaller = session.screen.smaller_network if view == "neural" and lit else None
+        smaller = session.screen.smaller_network if "network" in row.passes and lit else None
         coming = asked and (not lit or smaller is not None)
-        if _segment(_SHORT[view] if short else TITLES[view], width, height, look, lit=lit, asked=coming):
+        if _segment(row.short if short else row.title, width, height, look, lit=lit, asked=coming):
             chosen.show(view)
         state = ""
         if smaller is not None:
@@ -43,7 +41,7 @@ def draw_view_switch(session: Session, look: Theme) -> None:
         elif coming:
             loading = chosen.network_load is not None
             state = "\nAsked for; " + ("its network is being loaded." if loading else "shown as soon as it is made.")
-        hint(f"{explained} (key {number + 1}){state}", look)
+        hint(f"{row.text} (key {number + 1}){state}", look)
     imgui.same_line(0, px(4))
     if _segment("||", px(36), height, look, lit=chosen.split, asked=False):
         chosen.compare(not chosen.split)

@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...common.paths import own_weights
-from ...picture.settings import VIEWS, Settings
+from ...picture.settings import Settings
+from ...picture.views import VIEWS
 from ..kit.notices import Notices
 from ..kit.worker import Worker
 from .networks import network_key, smaller_networks
@@ -90,7 +91,7 @@ class ViewSettings:
     def begin(self, document: "Document") -> None:
         """A document is opened: a project brings its settings; a scan in its own colours is not shown as the last one, where
         that was coloured by attribute."""
-        if document.look.colour_by == "rgb":
+        if not document.look.recolours:
             self.show_colours()
         if document.view is not None:
             self.request(document.settings)

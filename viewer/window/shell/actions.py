@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ...picture.views import VIEWS
 from ...work.project import SUFFIX
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import SPEED_NOTCHES
@@ -74,10 +75,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "walk": partial(_walk, app),
         "slower": lambda: session.wheel(-SPEED_NOTCHES),
         "faster": lambda: session.wheel(SPEED_NOTCHES),
-        "view_raw": lambda: views.show("raw"),
-        "view_filtered": lambda: views.show("filtered"),
-        "view_filled": lambda: views.show("filled"),
-        "view_neural": lambda: views.show("neural"),
+        **{f"view_{view}": partial(views.show, view) for view in VIEWS},
         "split": lambda: views.compare(not views.split),
         "screenshot": app.save_actions.screenshot,
         "record": app.save_actions.record,

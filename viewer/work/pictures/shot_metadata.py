@@ -18,7 +18,8 @@ from ...common.errors import InputError
 from ...common.file_names import leads_elsewhere
 from ...common.text import printable
 from ...picture.camera import Camera
-from ...picture.settings import BACKGROUNDS, VIEWS, Settings
+from ...picture.settings import BACKGROUNDS, Settings
+from ...picture.views import VIEWS
 from ..document import Alterations
 from ..project import from_json, to_json
 from .png_text import png_text

@@ -13,7 +13,7 @@ from .....model.network.qualities import QUALITIES
 from ....commands.film.command import MP4, PANORAMA_SIZE
 from ....common.errors import PointglassError
 from ....common.text import left_text
-from ....picture.settings import VIEWS
+from ....picture.views import VIEWS
 from ....work.cameras.keyframes import cameras_along, path_seconds
 from ....work.document import Viewpoint, replaced, unique_name, without
 from ...kit.widgets import compact_button, compact_width
