@@ -1,5 +1,5 @@
 // Edits of points: hidden stations and clips remove them, the look colours them by an attribute, dimmed ghosts are faded.
-// Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/raster/edits.py.
+// Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/raster/edit_block.py.
 
 layout(std140, binding = EDITS_BINDING) uniform Edits {
     vec4 clip_rows[3 * MOST_CLIPS];  // xyz: view frame, w: offset; a point is inside where all three rows give -1..1
@@ -24,7 +24,7 @@ bool dropped(vec3 at, uint station) {
         || (inside & clip_groups.w) != 0u;
 }
 
-// Reference implementation, to the byte: viewer.render.raster.edits.dimmed.
+// Reference implementation, to the byte: viewer.render.raster.edit_block.dimmed.
 uint dimmed(uint third) {
     uint grey = (77u * (third & 255u) + 150u * (third >> 8 & 255u) + 29u * (third >> 16 & 255u)) >> 8;
     uint level = uint(DIMMED_LEAST) + (grey >> DIMMED_SHIFT);

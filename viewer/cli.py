@@ -12,6 +12,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -78,22 +79,24 @@ def _demo(options: argparse.Namespace) -> int:
 
 def _render(options: argparse.Namespace) -> int:
     from .commands.render_pictures import export_pictures, parse_shard, parse_size, picture_files
+    from .picture.spec import PictureSpec
     from .work.cameras.camera_files import read_cameras
     from .work.ghosts import prepared
     from .work.pictures.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
-    background, exposures, shot = options.background, options.exposures, None
+    exposures, shot = options.exposures, None
     size = parse_size(options.size) if options.size else None
     if options.like:
         shot = read_shot(options.like)
-        settings, background, exposures = shot.settings, shot.background, shot.exposures
-        cameras = [shot.camera if size is None else shot.camera.resized(*size)]
+        settings, exposures = shot.spec.settings, shot.exposures
+        specs = [shot.spec if size is None else replace(shot.spec, camera=shot.spec.camera.resized(*size))]
     else:
         cameras = read_cameras(options.cameras, size=size)
+        specs = [PictureSpec(camera, settings, background=options.background) for camera in cameras]
     if options.shard:
         part, parts = parse_shard(options.shard)
-        cameras = cameras[part::parts]
+        specs = specs[part::parts]
     _check_weights(settings)
     from .grid.open_scene import open_scene
     from .render.device.context import create_context
@@ -102,21 +105,19 @@ def _render(options: argparse.Namespace) -> int:
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
     if shot:
-        scene = prepared(scene, shot.alterations.ghosts)
-        for line in differences(shot, describe_shot(scene, shot.camera, settings, background=background, exposures=exposures,
-                                                     **shot.project_fields)):
+        scene = prepared(scene, shot.spec.edits.ghosts)
+        for line in differences(shot, describe_shot(scene, shot.spec, exposures=exposures)):
             print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
     renderer = Renderer(context, scene, memory=memory)
     _end_of_start()
     try:
-        with replaced_told(picture_files(options.out, cameras, aux=options.aux)):
-            count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
-                                    exposures=exposures, like=shot, resume=options.resume)
+        with replaced_told(picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)):
+            count = export_pictures(renderer, specs, options.out, aux=options.aux, exposures=exposures, resume=options.resume)
     finally:
         renderer.release()
         context.release()
-    there = f" ({counted(len(cameras) - count, 'picture')} already there)" if count < len(cameras) else ""
-    print(f"{counted(len(cameras), 'picture')} in {options.out}{there}")
+    there = f" ({counted(len(specs) - count, 'picture')} already there)" if count < len(specs) else ""
+    print(f"{counted(len(specs), 'picture')} in {options.out}{there}")
     return 0
 
 

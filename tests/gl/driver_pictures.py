@@ -19,12 +19,12 @@ from test_stations import scanned
 
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import box_around
+from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import FILTERS, Settings
 from pointglass.viewer.render.culling.occlusion import LAG, Occlusion
 from pointglass.viewer.render.device import shader
 from pointglass.viewer.render.passes.develop import Developer, read_picture
-from pointglass.viewer.render.raster.edits import Edits
 from pointglass.viewer.render.renderer import RASTERISERS, Renderer
 
 SEED = 7

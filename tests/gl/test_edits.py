@@ -11,10 +11,11 @@ from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box, Slab, contains, normals, vector
 from pointglass.viewer.picture.colour_modes import category_colours, levels, ramp_colours
+from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
-from pointglass.viewer.render.raster.edits import Edits, dimmed, ends_of
+from pointglass.viewer.render.raster.edit_block import dimmed, ends_of
 from pointglass.viewer.render.renderer import Renderer
 
 VIEWS = ("raw", "filtered")
@@ -76,7 +77,7 @@ def test_clipped_points_and_hidden_stations_are_not_drawn(context, raster, seed)
         low, high = scene.bounds
         camera = from_fov(120, 90, 90.0, look_at(low + 0.05 * (high - low), (low + high) / 2))  # sees most of the room
         wanted = pictures(context, without(scene, dropped), camera, raster)
-        found = pictures(context, scene, camera, raster, Edits(clips, hidden))
+        found = pictures(context, scene, camera, raster, Edits(clips=clips, hidden_stations=tuple(hidden)))
         assert all(np.array_equal(a, b) for a, b in zip(wanted, found, strict=True))
         shown += int(np.isfinite(found[-1]).sum())
         assert not np.array_equal(found[-1], pictures(context, scene, camera, raster)[-1])
@@ -127,7 +128,7 @@ def test_without_edits_no_program_knows_of_them(context, seed, monkeypatch):
     empty = pictures(context, scene, camera, "compute", Edits(clips=(Box((0, 0, 0), (1, 1, 1), active=False),)))
     assert all(np.array_equal(a, b) for a, b in zip(plain, empty, strict=True))
     assert asked and not any("EDITED" in defines for _, defines in asked)
-    pictures(context, scene, camera, "compute", Edits(hidden=frozenset({3})))
+    pictures(context, scene, camera, "compute", Edits(hidden_stations=(3,)))
     assert any("EDITED" in defines for _, defines in asked)
 
 
@@ -140,7 +141,7 @@ def test_filled_pictures_keep_rgb_and_fill_nothing_where_clips_cut(context, seed
     plain, recoloured = (pictures(context, scene, camera, "compute", edits, views=("filled",)) for edits in (None, colours))
     assert np.array_equal(plain[0], recoloured[0])
     behind = Box(vector(middle - (2.0, 0.0, 0.0)), (1.9, 9.0, 9.0))  # all that the camera looks at is cut away
-    cut = pictures(context, scene, camera, "compute", Edits((behind,)), views=("filled",))
+    cut = pictures(context, scene, camera, "compute", Edits(clips=(behind,)), views=("filled",))
     assert (plain[0][..., 3] > 0).mean() > 0.9 and (cut[0][..., 3] == 0).all()
 
 

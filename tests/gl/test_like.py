@@ -1,5 +1,7 @@
 """``render --like SHOT.png`` draws a saved picture again, to the byte."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,12 @@ from pointglass.viewer import cli
 from pointglass.viewer.common.files import write_png
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.picture.composition import joined
+from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.work.cameras.camera_files import write_camera_path
-from pointglass.viewer.work.document import Alterations
-from pointglass.viewer.work.pictures.altered_pictures import joined, shot_picture
 from pointglass.viewer.work.pictures.shot_metadata import KEY, describe_shot, read_shot
 
 
@@ -39,17 +42,18 @@ def scan_of(tmp_path, seed):
     return tmp_path / "floor.xyz"
 
 
-ALTERED = {
-    "a clip": Alterations(clips=(Box((2.0, 2.0, 1.0), (1.2, 1.5, 2.0)),)),
-    "colours by height": Alterations(look=Look(colour_by="height", ramp="turbo", point_size=3, edl=0.4)),
-    "tones": Alterations(look=Look(exposure=0.7, temperature=0.4)),
+EDITS = {
+    "a clip": Edits(clips=(Box((2.0, 2.0, 1.0), (1.2, 1.5, 2.0)),)),
+    "colours by height": Edits(look=Look(colour_by="height", ramp="turbo", point_size=3, edl=0.4)),
+    "tones": Edits(look=Look(exposure=0.7, temperature=0.4)),
 }
 
 
-@pytest.mark.parametrize("what, other", [*((what, "") for what in ALTERED), ("a clip", "raw")])
+@pytest.mark.parametrize("what, other", [*((what, "") for what in EDITS), ("a clip", "raw")])
 def test_a_picture_of_a_project_says_what_was_done_to_it_and_is_drawn_again(tmp_path, what, other, capsys):
     """As F12 saves it: alterations and comparisons are in the metadata, and `render --like` applies them."""
     from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.render.described_picture import picture_of
     from pointglass.viewer.render.device.context import create_context
     from pointglass.viewer.render.renderer import Renderer
 
@@ -58,16 +62,16 @@ def test_a_picture_of_a_project_says_what_was_done_to_it_and_is_drawn_again(tmp_
     context = create_context()
     renderer = Renderer(context, scene)
     camera = from_fov(160, 100, 70, look_at((1.0, 1.2, 2.6), (2.0, 2.5, 1.0)), "shot")
-    shot = describe_shot(scene, camera, Settings(view="filtered"), background="gradient", alterations=ALTERED[what],
-                         other_view=other, split_at=0.4)
-    image = shot_picture(renderer, shot)
-    plain = describe_shot(scene, camera, Settings(view="filtered"), background="gradient")
-    assert not np.array_equal(image, shot_picture(renderer, plain))
+    plain = PictureSpec(camera, Settings(view="filtered"), background="gradient")
+    spec = replace(plain, edits=EDITS[what], views=("filtered", other) if other else ("filtered",), split_at=0.4)
+    shot = describe_shot(scene, spec, exposures="matched")
+    image = picture_of(renderer, spec)
+    assert not np.array_equal(image, picture_of(renderer, plain))
     renderer.release()
     context.release()
     made = tmp_path / "shot.png"
     write_png(made, image, {KEY: shot.text()})
-    assert read_shot(made).alterations == ALTERED[what] and read_shot(made).other_view == other
+    assert read_shot(made).spec == replace(spec, split_at=spec.split_at if other else 0.5)
     assert cli.main(["render", str(scan), "--like", str(made), "--out", str(tmp_path / "b"), "--no-cache"]) == 0
     assert (tmp_path / "b" / "shot.png").read_bytes() == made.read_bytes()
     assert "may differ" not in capsys.readouterr().err

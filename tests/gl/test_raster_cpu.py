@@ -14,11 +14,11 @@ from pointglass.model.common.atomics import atomic_add, atomic_max
 from pointglass.model.common.jit import compiled
 from pointglass.model.common.process import processors
 from pointglass.viewer.picture.colour_modes import COLOUR_BY
+from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import SOFT_Z, Settings
 from pointglass.viewer.render.device.context import describe_device
 from pointglass.viewer.render.raster import raster_cpu
-from pointglass.viewer.render.raster.edits import Edits
 from pointglass.viewer.render.raster.raster_cpu import mapped
 
 pytestmark = pytest.mark.gl
@@ -114,7 +114,7 @@ def test_edits(renderer_of, colour_by, seed):
     renderer, random, changed = renderer_of(scene), np.random.default_rng(seed), 0
     for number in range(3):
         clips = random_clips(random, scene) if number else ()
-        edits = Edits(clips, frozenset({37} if number == 2 else ()), Look(colour_by, "turbo"), up=(0.0, 0.6, 0.8))
+        edits = Edits(clips=clips, hidden_stations=(37,) if number == 2 else (), look=Look(colour_by, "turbo"), up=(0.0, 0.6, 0.8))
         camera = camera_in(scene, seed + number, (120, 90))
         changed += assert_same(renderer, camera, None, edits, ("raw",)) != made_by(renderer, "cpu", camera, views=("raw",))
     assert changed or colour_by == "rgb"

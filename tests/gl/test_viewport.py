@@ -10,12 +10,12 @@ from pointglass.viewer.bench.procedural_scan import EYE, ProceduralScan, procedu
 from pointglass.viewer.picture.background import COLOURS, composite
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.settings import Memory, Settings
+from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
 from pointglass.viewer.window.planning.picture_plan import Plan
 from pointglass.viewer.window.session.work import Work
 from pointglass.viewer.window.viewport.viewport import Viewport
-from pointglass.viewer.work.pictures.picture_spec import PictureSpec
 
 pytestmark = pytest.mark.gl
 
@@ -45,7 +45,7 @@ class Told:
     @property
     def spec(self):
         chosen = self.view_settings
-        return PictureSpec(self.camera, chosen.settings, chosen.sides, self.work.document.alterations,
+        return PictureSpec(self.camera, chosen.settings, chosen.sides, self.work.document.edits,
                            background=chosen.background, split_at=chosen.split_at)
 
     def accept(self, _):

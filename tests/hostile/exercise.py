@@ -145,9 +145,9 @@ def _like(path: Path, depth: int) -> None:
     from pointglass.viewer.work.pictures.shot_metadata import camera_line, parse_camera_line, read_shot
 
     shot = read_shot(path)
-    _check_name(safe_name(shot.camera.name, "picture"))
+    _check_name(safe_name(shot.spec.camera.name, "picture"))
     shot.text()
-    parse_camera_line(camera_line(shot.camera))
+    parse_camera_line(camera_line(shot.spec.camera))
 
 
 def _project(path: Path, depth: int) -> None:

@@ -87,11 +87,13 @@ def window_files() -> list[Seed]:
         project = path.read_bytes()
         unsaved = UnsavedWork(document, "", "", "floor", 5.0).text().replace(folder, "/scans").encode()
         scan = write_ply(path.with_name("floor.ply"), *surface(60)).read_bytes()
+    from pointglass.viewer.picture.edits import Edits
     from pointglass.viewer.picture.look import Look
-    from pointglass.viewer.work.document import Alterations
 
     plain = shot()
-    altered = replace(plain, alterations=Alterations(look=Look(point_size=2)), other_view="raw", split_at=0.4)
+    views = plain.spec.settings.view, "raw"
+    edited = replace(plain.spec, edits=Edits(look=Look(point_size=2)), views=views, split_at=0.4)
+    altered = replace(plain, spec=edited)
     recent = [
         {"paths": ["/scans/floor.ply"], "title": "floor", "points": 60},
         {"paths": ["/a", "/b"], "title": "x", "points": 5},

@@ -12,6 +12,7 @@ from pointglass.viewer.command_table import make_parser
 from pointglass.viewer.commands.render_pictures import export_pictures
 from pointglass.viewer.picture.background import COLOURS, as_saved, composite, rows, straight
 from pointglass.viewer.picture.settings import BACKGROUNDS, Settings
+from pointglass.viewer.picture.spec import PictureSpec
 
 HALF = Fraction(1, 2)
 
@@ -72,14 +73,15 @@ def test_a_picture_is_saved_over_the_background_asked_for(tmp_path, background, 
     image = picture(seed)
 
     class Renderer(FakeRenderer):
-        def render(self, camera, settings, views=None):
+        def render(self, camera, settings, views=None, *_, **__):
             frame = super().render(camera, settings, views)
             frame.image = lambda view: image
             return frame
 
     options = make_parser().parse_args(["render", "s.laz", "--cameras", "c.json", "--out", "o", "--background", background])
     made: object = Renderer()
-    export_pictures(made, CAMERAS[:1], Settings(view="filled"), tmp_path, background=options.background)  # pyright: ignore
+    spec = PictureSpec(CAMERAS[0], Settings(view="filled"), background=options.background)
+    export_pictures(made, [spec], tmp_path)  # pyright: ignore
     saved = Image.open(tmp_path / "a.png")
     assert saved.mode == ("RGBA" if background == "transparent" else "RGB")
     assert np.array_equal(np.asarray(saved), as_saved(image, background))

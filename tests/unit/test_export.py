@@ -13,6 +13,7 @@ from pointglass.viewer.commands.render_pictures import export_pictures
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.picture.spec import PictureSpec
 
 CAMERAS = [from_fov(8, 6, 60, np.eye(4), name) for name in ("a", "b")]
 ENDINGS = ("depth.npy", "mask.npy", "png", "provenance.png", "stats.json")
@@ -22,10 +23,10 @@ class FakeRenderer:
     """Remembers the views it was asked for."""
 
     def __init__(self):
-        self.asked = []
+        self.asked, self.context = [], None
         self.scene = SimpleNamespace(meta={"sources": ["a.laz"]}, count=5)
 
-    def render(self, camera, settings, views=None):
+    def render(self, camera, settings, views=None, *_, **__):
         self.asked.append(views)
         shape = (camera.height, camera.width)
         return SimpleNamespace(image=lambda view: np.zeros((*shape, 4), np.uint8), depth=lambda: np.ones(shape, np.float32),
@@ -34,6 +35,10 @@ class FakeRenderer:
 
 def fake() -> Any:
     return FakeRenderer()
+
+
+def specs(settings):
+    return [PictureSpec(camera, settings, background="black") for camera in CAMERAS]
 
 
 def names(folder):
@@ -45,7 +50,7 @@ def names(folder):
 ])
 def test_the_filter_runs_where_a_mask_is_written_and_not_otherwise(tmp_path, view, aux, views):
     renderer = fake()
-    assert export_pictures(renderer, CAMERAS, Settings(view=view), tmp_path, aux=aux) == 2
+    assert export_pictures(renderer, specs(Settings(view=view)), tmp_path, aux=aux) == 2
     assert renderer.asked == [views] * 2
     assert names(tmp_path) == sorted(f"{c}.{e}" for c in "ab" for e in (ENDINGS if aux else ["png"]))
     if aux:
@@ -65,7 +70,7 @@ def test_a_full_disk_is_named_and_leaves_no_half_of_a_picture(tmp_path, monkeypa
 
     monkeypatch.setattr(np, "save", full)
     with pytest.raises(InputError) as caught:
-        export_pictures(fake(), CAMERAS, Settings(view="raw"), tmp_path, aux=True)
+        export_pictures(fake(), specs(Settings(view="raw")), tmp_path, aux=True)
     said = str(caught.value)
     assert said.startswith(f"{tmp_path / 'b.mask.npy'}: cannot be written (") and "partial" not in said
     assert "space" in said and f"free space in {tmp_path}" in said
@@ -79,7 +84,7 @@ def test_a_folder_that_takes_no_files_is_named(tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     monkeypatch.setattr("os.mkdir", refuse)
     with pytest.raises(InputError) as caught:
-        export_pictures(fake(), CAMERAS, Settings(), tmp_path / "out")
+        export_pictures(fake(), specs(Settings()), tmp_path / "out")
     assert str(caught.value).startswith(f"{tmp_path / 'out'}: cannot be written to (Read-only file system); ")
     assert str(caught.value).endswith("choose another --out")
 
@@ -88,12 +93,12 @@ def test_what_a_killed_run_of_the_same_number_left_is_removed(tmp_path):
     """In a container process numbers come again."""
     left = tmp_path / f".a.png.{os.getpid()}.partial"
     left.mkdir()
-    export_pictures(fake(), CAMERAS, Settings(view="raw"), tmp_path, aux=True)
+    export_pictures(fake(), specs(Settings(view="raw")), tmp_path, aux=True)
     assert (tmp_path / "a.png").is_file() and not list(tmp_path.glob(".*"))
 
 
 def test_a_folder_in_the_place_of_a_file_leaves_none_of_the_others(tmp_path):
     (tmp_path / "a.mask.npy").mkdir()
     with pytest.raises(InputError, match=r"a\.mask\.npy: is a folder"):
-        export_pictures(fake(), CAMERAS, Settings(view="raw"), tmp_path, aux=True)
+        export_pictures(fake(), specs(Settings(view="raw")), tmp_path, aux=True)
     assert names(tmp_path) == ["a.mask.npy"]

@@ -215,6 +215,6 @@ def test_frame_times_become_a_plot(tmp_path):
     assert image.shape[0] > 400 and len(np.unique(image.reshape(-1, 3), axis=0)) > 10
 
 
-def test_alterations_are_what_changes_pictures():
-    assert Document().alterations.none
-    assert not Document(hidden_stations=(3,)).alterations.none
+def test_edits_are_what_changes_pictures():
+    assert Document().edits.none
+    assert not Document(hidden_stations=(3,)).edits.none

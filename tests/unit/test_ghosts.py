@@ -10,8 +10,9 @@ from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import packed, unpack
+from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.stream.chunk_source import ChunkSource
-from pointglass.viewer.work.document import GHOSTS, Alterations, Document
+from pointglass.viewer.work.document import Document
 from pointglass.viewer.work.ghosts import find_ghosts, prepared, with_ghosts
 from pointglass.viewer.work.selection import Selection
 
@@ -119,7 +120,7 @@ def test_a_scan_without_two_known_positions_is_refused_in_one_line(seed):
         find_ghosts(replace(scene, meta={**scene.meta, "scans": [scene.meta["scans"][0], {"name": "b"}, {"name": "c"}]}))
     with pytest.raises(InputError, match="255 stations"):
         find_ghosts(replace(scene, meta={**scene.meta, "scans": scene.meta["scans"] * 85}))
-    for made in (Document, Alterations):
+    for made in (Document, Edits):
         with pytest.raises(InputError, match="ghosts 'gone': expected one of shown, dimmed, hidden"):
             made(ghosts="gone")
     assert Document().ghosts == GHOSTS[0]

@@ -291,20 +291,21 @@ def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, caps
 
 
 def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
-    from types import SimpleNamespace
     from typing import Any
 
     from pointglass.viewer.commands.render_pictures import export_pictures
+    from pointglass.viewer.picture.camera import from_fov
     from pointglass.viewer.picture.settings import Settings
+    from pointglass.viewer.picture.spec import PictureSpec
 
     class Interrupted:
         def __getattr__(self, _name):
             raise KeyboardInterrupt
 
-    cameras: Any = [SimpleNamespace(name="a")]
+    spec = PictureSpec(from_fov(8, 6, 60.0, np.eye(4), "a"), Settings())
     renderer: Any = Interrupted()
     with pytest.raises(KeyboardInterrupt):
-        export_pictures(renderer, cameras, Settings(), tmp_path / "a" / "b")
+        export_pictures(renderer, [spec], tmp_path / "a" / "b")
     assert not list(tmp_path.iterdir())
 
 

@@ -9,18 +9,19 @@ from window_session import session, stats
 
 from pointglass.viewer.picture.clip import Box, Slab
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
+from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
+from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.picture.views import VIEWS
-from pointglass.viewer.work.document import GHOSTS, Alterations, Document
-from pointglass.viewer.work.pictures.picture_spec import PictureSpec
+from pointglass.viewer.work.document import Document
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
 SLAB = Slab((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
 OTHERS: dict[type, dict[str, object]] = {
     Box: {"axes": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), "centre": (1.0, 0.0, 0.0), "half": (1.0, 2.0, 4.0)},
     Slab: {"normal": (0.0, 1.0, 0.0), "centre": (1.0, 0.0, 0.0)},
-    Alterations: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
+    Edits: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
                   "ghosts": GHOSTS[1]},
     Look: {"colour_by": next(name for name in COLOUR_BY if name != "rgb"), "ramp": tuple(RAMPS)[1]},
 }
@@ -66,15 +67,15 @@ def drawn():
     return made
 
 
-@pytest.mark.parametrize("name", [each.name for each in dataclasses.fields(Alterations)])
-def test_every_alteration_is_a_field_of_the_document_and_draws_a_new_picture(name):
+@pytest.mark.parametrize("name", [each.name for each in dataclasses.fields(Edits)])
+def test_every_edit_is_a_field_of_the_document_and_draws_a_new_picture(name):
     made = drawn()
     if name == "ghosts":  # passers-by are shown until they are marked
         assert made.scene is not None
         made.visit.scene = dataclasses.replace(made.scene, marked=object())
-    value = other(made.document.alterations, name)
+    value = other(made.document.edits, name)
     made.work.edit("change", **{name: value})
-    assert made.screen.needs_picture and getattr(made.spec.alterations, name) == value
+    assert made.screen.needs_picture and getattr(made.spec.edits, name) == value
     made.advance()
     made.drew(made.screen.full_plan, stats())
     assert not made.screen.needs_picture
@@ -109,9 +110,9 @@ def test_every_field_of_the_description_makes_another_one_and_only_two_are_compo
         if each.name == "camera":
             changed = dataclasses.replace(spec, camera=spec.camera.resized(30, 20))
         elif each.name == "settings":
-            changed = dataclasses.replace(spec, settings=next(flips(spec.settings))[1])
-        elif each.name == "alterations":
-            changed = dataclasses.replace(spec, alterations=Alterations(clips=(BOX,)))
+            changed = dataclasses.replace(spec, settings=dict(flips(spec.settings))["filter"])
+        elif each.name == "edits":
+            changed = dataclasses.replace(spec, edits=Edits(clips=(BOX,)))
         elif each.name == "views":
             changed = dataclasses.replace(spec, views=tuple(VIEWS)[:1])
         elif each.name == "background":

@@ -11,6 +11,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.files import write_png
 from pointglass.viewer.picture.camera import from_fov
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.work.pictures.png_text import png_text
 from pointglass.viewer.work.pictures.shot_metadata import KEY, Shot, read_shot
 
@@ -31,7 +32,8 @@ def _itxt(text: bytes, packed: bool = False) -> bytes:
 
 
 def _shot() -> dict:
-    return json.loads(Shot(CAMERA, Settings(view="filled"), "black", "matched", ("house.laz",), 120).text())
+    spec = PictureSpec(CAMERA, Settings(view="filled"), background="black")
+    return json.loads(Shot(spec, "matched", ("house.laz",), 120).text())
 
 
 def _changed(*keys, value) -> str:
@@ -58,7 +60,7 @@ def test_text_of_every_kind_in_pictures_of_any_size(tmp_path):
 
 
 def test_what_write_png_writes_is_read(tmp_path):
-    shot = Shot(CAMERA, Settings(view="filled"), "sky", "as-scanned", ("Büro.laz",), 7)
+    shot = Shot(PictureSpec(CAMERA, Settings(view="filled"), background="sky"), "as-scanned", ("Büro.laz",), 7)
     write_png(tmp_path / "a.png", np.zeros((3, 4, 3), np.uint8), {KEY: shot.text()})
     assert read_shot(tmp_path / "a.png").text() == shot.text()
 

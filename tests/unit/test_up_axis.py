@@ -6,10 +6,10 @@ from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.picture.edits import UP_AXES
 from pointglass.viewer.window.flight.flight import Flight
 from pointglass.viewer.window.flight.navigation import Motion, step, view_along
 from pointglass.viewer.window.flight.start_viewpoint import brightening, darkness, lying, start_state, survey
-from pointglass.viewer.work.document import UP_AXES
 from pointglass.viewer.work.places.up_axis import Z_UP, turned, upright_axes
 
 

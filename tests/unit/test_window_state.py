@@ -14,6 +14,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import progress
 from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.composition import split_column
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.flight.start_viewpoint import survey
@@ -24,7 +25,6 @@ from pointglass.viewer.window.session.loading import Loaded, expanded, open_each
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.window.session.session import Session
 from pointglass.viewer.window.session.time_recording import FrameTimes
-from pointglass.viewer.window.viewport.present import split_column
 
 if TYPE_CHECKING:
     from pointglass.viewer.window.viewport.viewport import Viewport

@@ -144,7 +144,7 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
     import numpy as np
     from PIL import Image
 
-    from pointglass.viewer.work.pictures.altered_pictures import shot_picture
+    from pointglass.viewer.render.described_picture import picture_of
     from pointglass.viewer.work.pictures.shot_metadata import read_shot
 
     d.rest()
@@ -162,7 +162,7 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
     image = np.asarray(Image.open(path))
     width, height = d.session.area.size
     assert turns > 1 and image.shape[:2] == (2 * height, 2 * width)
-    assert np.array_equal(image, shot_picture(d.app.viewport.renderer, read_shot(path)))
+    assert np.array_equal(image, picture_of(d.app.viewport.renderer, read_shot(path).spec))
     panorama = saves.panorama((256, 128))
     d.until(lambda: saves.still is None, 60.0)
     assert np.asarray(Image.open(panorama)).shape == (128, 256, 3)

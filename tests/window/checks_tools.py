@@ -100,7 +100,7 @@ def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
     found, session = shown(d), d.session
     assert counted().startswith("up to"), "a clip takes some of them away"
     camera = session.camera.resized(*session.area.window_size)
-    frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, edits=session.work.edits)
+    frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, edits=session.document.edits)
     assert np.array_equal(found, composite(frame.image("filled"))) and not np.array_equal(found, before)
     session.picture.dirty = True
     chord(d, "Z")

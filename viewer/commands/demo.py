@@ -60,6 +60,7 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
     from ..common.progress import progress
     from ..grid.open_scene import open_scene
+    from ..picture.spec import PictureSpec
     from ..render.device.context import create_context
     from ..render.renderer import Renderer
     from ..work.cameras.camera_files import read_cameras
@@ -76,7 +77,8 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
                 pictures = [frame.image(view)[..., :3] for view in VIEWS]
                 for view, picture in zip(VIEWS, pictures, strict=True):
                     named = replace(camera, name=f"{camera.name}-{view}")
-                    shot = describe_shot(scene, named, replace(settings, view=view), background="black")
+                    spec = PictureSpec(named, settings, (view,), background="black")
+                    shot = describe_shot(scene, spec, exposures="matched")
                     files.append(out / f"{named.name}.png")
                     write_png(files[-1], picture, {KEY: shot.text()})
                 rows.append(pictures)

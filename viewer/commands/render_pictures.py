@@ -1,6 +1,6 @@
 """Pictures of a list of cameras, as PNG files that carry the cameras' names, without a window."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,16 +11,19 @@ from ..common.progress import progress
 from ..common.text import whole_number
 from ..picture.background import as_saved
 from ..picture.provenance import provenance, views_with_mask
-from ..picture.settings import Settings
 from ..work.pictures.finished_pictures import is_finished
 from ..work.pictures.shot_metadata import KEY, Shot, cannot_repeat, describe_shot
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..grid.scene import Scene
     from ..picture.camera import Camera
-    from ..render.frame import Frame
+    from ..picture.spec import PictureSpec
     from ..render.renderer import Renderer
 
+Files = dict[str, Callable[[Path], object]]
+"""Of one camera: file name -> what writes it at a path."""
 _AUX = (".depth.npy", ".mask.npy", ".provenance.png", ".stats.json")
 _PROVENANCE_TEXT = cannot_repeat("the provenance of pixels")
 
@@ -43,42 +46,36 @@ def parse_shard(text: str) -> tuple[int, int]:
     return part, parts
 
 
-def picture_files(out: Path, cameras: list["Camera"], *, aux: bool) -> list[Path]:
+def picture_files(out: Path, cameras: Iterable["Camera"], *, aux: bool) -> list[Path]:
     """What :func:`export_pictures` writes."""
     return [out / f"{safe_name(camera.name, 'picture')}{ending}" for camera in cameras
             for ending in (".png", *(_AUX if aux else ()))]
 
 
-def export_pictures(
-    renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False,
-    background: str = "black", exposures: str = "matched", like: Shot | None = None, resume: bool = False,
-) -> int:  # fmt: skip
-    """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many were
-    rendered: with ``resume`` without those whose files are complete and have the same description.
+def export_pictures(renderer: "Renderer", specs: Sequence["PictureSpec"], out: Path, *, aux: bool = False,
+                    exposures: str = "matched", resume: bool = False) -> int:
+    """Renders every description into ``out/NAME.png``, NAME of its camera; with ``aux`` also depth, mask, provenance and stats.
+    Returns how many were rendered: with ``resume`` without those whose files are complete and have the same description.
 
-    background: behind the pictures, a key of viewer.picture.settings.BACKGROUNDS.  exposures: how the scene was opened.
-    like: a saved picture, whose alterations and comparison are applied to each camera (not with ``aux``).  Each picture says
-    inside its PNG how it was made (viewer.work.pictures.shot_metadata).
+    exposures: how the scene was opened.  Each picture says inside its PNG how it was made (viewer.work.pictures.shot_metadata).
+    Raises InputError for ``aux`` of a picture with edits or two views.
 
     The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
     the filter, whatever the view.
     """
-    if aux and like and like.shows_project:
+    if aux and not all(spec.plain for spec in specs):
         raise InputError("--aux: the picture shows clips, colours or a comparison of a project; leave --aux out")
-    views = views_with_mask(settings.view) if aux else (settings.view,)
+    from ..render.described_picture import picture_of
+
     rendered = 0
-    with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
-        for camera in cameras:
-            shot = describe_shot(renderer.scene, camera, settings, background=background, exposures=exposures,
-                                 **(like.project_fields if like else {}))
+    with out_folder(out), progress(len(specs), "rendering", "picture") as meter:
+        for spec in specs:
+            shot = describe_shot(renderer.scene, spec, exposures=exposures)
             if resume and is_finished(out, shot, newer_than=_newest(renderer.scene), aux=aux):
                 meter.update(1)
                 continue
             rendered += 1
-            if shot.shows_project:
-                write_together(out, _altered_file(renderer, shot))
-            else:
-                write_together(out, _files(renderer.render(camera, settings, views), shot, aux=aux))
+            write_together(out, _with_aux(renderer, shot) if aux else _picture(picture_of(renderer, spec), shot))
             meter.update(1)
     return rendered
 
@@ -89,27 +86,26 @@ def _newest(scene: "Scene") -> float:
     return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
 
 
-def _altered_file(renderer: "Renderer", shot: Shot) -> dict[str, Callable[[Path], object]]:
-    """The picture of a shot with alterations or two views, as :func:`_files`."""
-    from ..work.pictures.altered_pictures import shot_picture
-
-    image = shot_picture(renderer, shot)
-    return {f"{safe_name(shot.camera.name, 'picture')}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
+def _picture(image: "np.ndarray", shot: Shot) -> Files:
+    """The file of a picture as it is saved."""
+    return {f"{_stem(shot)}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
 
 
-def _files(frame: "Frame", shot: Shot, *, aux: bool) -> dict[str, Callable[[Path], object]]:
-    """What is written of one camera: file name -> what writes it at a path."""
-    name, view = safe_name(shot.camera.name, "picture"), shot.settings.view
-    image = frame.image(view)
-    files: dict[str, Callable[[Path], object]] = {
-        f"{name}.png": lambda path: write_png(path, as_saved(image, shot.background), {KEY: shot.text()}),
+def _with_aux(renderer: "Renderer", shot: Shot) -> Files:
+    """The files of a picture that shows one view as it is rendered."""
+    from ..render.described_picture import render
+
+    name, spec = _stem(shot), shot.spec
+    view = spec.views[0]
+    frame = render(renderer, spec, more=views_with_mask(view))
+    image, mask = frame.image(view), frame.mask()
+    return _picture(as_saved(image, spec.background), shot) | {
+        f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
+        f"{name}.mask.npy": lambda path: write_array(path, mask),
+        f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask), _PROVENANCE_TEXT),
+        f"{name}.stats.json": lambda path: write_json(path, frame.stats),
     }
-    if aux:
-        mask = frame.mask()
-        files |= {
-            f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
-            f"{name}.mask.npy": lambda path: write_array(path, mask),
-            f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask), _PROVENANCE_TEXT),
-            f"{name}.stats.json": lambda path: write_json(path, frame.stats),
-        }
-    return files
+
+
+def _stem(shot: Shot) -> str:
+    return safe_name(shot.spec.camera.name, "picture")

@@ -11,7 +11,7 @@ A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most h
 
 import mmap
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from ..preprocess.point_attributes import AttributeLayout, layout_from
 from ..readers.source import Source
 from .marked_points import MarkedPoints
 from .records.point_records import PointRecords
+
+if TYPE_CHECKING:
+    from ..picture.edits import Edits
 
 STEPS = 65536
 """Positions of a coordinate inside a cell: 16 bits."""
@@ -114,6 +117,11 @@ class Scene:
     def matched(self) -> bool:
         """Whether colours differ from those in the files: by exposure compensation, or because black is treated as missing."""
         return self.unlit or any((self.meta.get(key) or {}).get("applied") for key in ("exposures", "passes"))
+
+    def hidden_stations(self, edits: "Edits") -> frozenset[int]:
+        """Numbers of the stations that edits do not draw; that of the marked ghosts among them where those are hidden."""
+        ghosts = {self.marked.station} if self.marked is not None and edits.ghosts == "hidden" else set()
+        return frozenset(edits.hidden_stations) | ghosts
 
     @property
     def cell_min(self) -> np.ndarray:

@@ -144,16 +144,16 @@ class Scan:
             return made
 
     def _picture(self, scene: Scene, camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
+        from ..picture.spec import PictureSpec
+        from ..render.described_picture import render
         from ..work.pictures.shot_metadata import describe_shot
 
-        view = chosen.view
+        spec, view = PictureSpec(camera, chosen, background="black"), chosen.view
         try:
             context, renderer = self._drawing or self._begin(scene)
             with context:  # another scan's context, or somebody else's, may be the current one
-                frame = renderer.render(camera, chosen, views_with_mask(view) if full else (view,))
-                shot = describe_shot(scene, camera, chosen, background="black",
-                                     exposures="matched" if scene.matched else "as-scanned")
-                image = as_picture(frame.image(view).copy(), shot)
+                frame = render(renderer, spec, more=views_with_mask(view) if full else ())
+                image = as_picture(frame.image(view).copy(), describe_shot(scene, spec))
                 if not full:
                     return image
                 mask = frame.mask()

@@ -91,10 +91,13 @@ class Picture(np.ndarray):
         from ..work.pictures.shot_metadata import KEY
 
         shot = self._shot
-        if shot is None or (shot.camera.height, shot.camera.width, 4) != self.shape or checksum(self) != self._checksum:
+        if shot is None or checksum(self) != self._checksum:
             return None
-        named = shot.camera if shot.camera.name else replace(shot.camera, name=file.stem)
-        return {KEY: replace(shot, camera=named, background=background).text()}
+        camera = shot.spec.camera
+        if (camera.height, camera.width, 4) != self.shape:
+            return None
+        named = camera if camera.name else replace(camera, name=file.stem)
+        return {KEY: replace(shot, spec=replace(shot.spec, camera=named, background=background)).text()}
 
     def _repr_png_(self) -> bytes | None:
         try:

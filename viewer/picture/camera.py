@@ -95,6 +95,11 @@ class Camera:
         object.__setattr__(self, "view_rotation", _FLIP @ matrix[:3, :3].T)
 
     @property
+    def key(self) -> tuple:
+        """Equal for cameras that make the same picture: everything but the name."""
+        return (self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.camera_to_world.tobytes())
+
+    @property
     def position(self) -> np.ndarray:
         """(3,) float64, file coordinates."""
         return self.camera_to_world[:3, 3]

@@ -16,6 +16,7 @@ from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
 from ..common.errors import DeviceLostError, InputError
 from ..common.text import bytes_text, counted
+from ..picture.edits import Edits
 from ..picture.settings import MEMORY, Memory, Settings
 from ..picture.views import VIEWS, passes_of
 from .culling.cull import Culler, DrawList
@@ -33,7 +34,7 @@ from .passes.filter_cpu import CpuDepthFilter
 from .passes.noise_level import NoiseLevel
 from .raster.choose_raster import RASTERISERS as RASTERISERS
 from .raster.choose_raster import fastest, make_rasteriser
-from .raster.edits import Edits, block_of, without_clipped_cells
+from .raster.edit_block import block_of, without_clipped_cells
 from .raster.points import PointPages
 from .raster.raster import Rasteriser
 from .raster.raster_compute import ComputeRasteriser

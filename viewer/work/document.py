@@ -13,8 +13,8 @@ import numpy as np
 
 from ..common.errors import InputError
 from ..picture.camera import Camera, from_fov
-from ..picture.clip import Clip, Vector
-from ..picture.look import Look
+from ..picture.clip import Vector
+from ..picture.edits import Edits
 from ..picture.settings import BACKGROUNDS, Settings
 from .measure import Measurement
 
@@ -24,15 +24,6 @@ Matrix = tuple[
     tuple[float, float, float, float],
     tuple[float, float, float, float],
 ]
-
-GHOSTS = ("shown", "dimmed", "hidden")
-"""What may be done with points that another station saw through."""
-UP_AXES: dict[str, Vector] = {
-    "z": (0.0, 0.0, 1.0), "y": (0.0, 1.0, 0.0), "x": (1.0, 0.0, 0.0),
-    "-z": (0.0, 0.0, -1.0), "-y": (0.0, -1.0, 0.0), "-x": (-1.0, 0.0, 0.0),
-}  # fmt: skip
-"""Directions of the file's frame that a person may call up."""
-
 
 @dataclass(frozen=True)
 class ScanFile:
@@ -112,67 +103,32 @@ class Annotation:
 
 
 @dataclass(frozen=True)
-class Alterations:
-    """What of a document changes its pictures besides the settings; the fields are those of :class:`Document`."""
+class Document(Edits):
+    """Everything that a project file keeps: the edits of pictures, and the fields below.
 
-    clips: tuple[Clip, ...] = ()
-    hidden_stations: tuple[int, ...] = ()
-    up: Vector = UP_AXES["z"]
-    look: Look = field(default_factory=Look)
-    lock_measured: bool = False
-    ghosts: str = "shown"
-
-    def __post_init__(self) -> None:
-        if self.ghosts not in GHOSTS:
-            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
-
-    @property
-    def none(self) -> bool:
-        """Whether pictures are as without a document.  The up axis matters only to colours by height."""
-        return self == Alterations(up=self.up)
-
-
-@dataclass(frozen=True)
-class Document:
-    """Everything that a project file keeps.
-
-    hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
-    up: the direction that is up, unit vector of the file's frame.  view: where the camera stands; None: not opened yet.
-    lock_measured: pixels that were measured are shown as measured in the neural view, too.
-    ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS.
+    view: where the camera stands; None: not opened yet.
     """
 
     scans: tuple[ScanFile, ...] = ()
-    hidden_stations: tuple[int, ...] = ()
-    up: Vector = UP_AXES["z"]
     view: Viewpoint | None = None
     viewpoints: tuple[Viewpoint, ...] = ()
     path: CameraPath = field(default_factory=CameraPath)
-    clips: tuple[Clip, ...] = ()
     measurements: tuple[Measurement, ...] = ()
     annotations: tuple[Annotation, ...] = ()
-    look: Look = field(default_factory=Look)
     settings: Settings = field(default_factory=Settings)
     background: str = "plain"
-    lock_measured: bool = False
-    ghosts: str = "shown"
-
-    @property
-    def alterations(self) -> Alterations:
-        """What changes pictures of the scans."""
-        found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Alterations)}
-        found["hidden_stations"] = tuple(sorted(self.hidden_stations))
-        return Alterations(**found)
 
     def __post_init__(self) -> None:
-        if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
-            raise InputError(f"up {self.up!r}: expected a unit vector")
-        if not all(0 <= number < 256 for number in self.hidden_stations):
-            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
-        if self.ghosts not in GHOSTS:
-            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
+        super().__post_init__()
         if self.background not in BACKGROUNDS:
             raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
+
+    @property
+    def edits(self) -> Edits:
+        """What changes pictures of the scans, without the rest; equal for documents whose pictures are."""
+        found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Edits)}
+        found["hidden_stations"] = tuple(sorted(self.hidden_stations))
+        return Edits(**found)
 
 
 Item = TypeVar("Item")

@@ -38,7 +38,7 @@ class Selection:
     """The points of a scene that are in sight: not of a hidden station, left by ``clips`` and, separately, by ``within``.
 
     clips: of the project.  within: of ``--clip``.  hidden: numbers of stations that are left out, hidden ghosts among them
-    (Edits.hidden_in).
+    (Scene.hidden_stations).
     """
 
     scene: "Scene"

@@ -15,7 +15,6 @@ from ....model.common.files.atomic_write import passes_through, write_atomic
 from ...common.errors import InputError
 from ...common.text import bytes_text, counted
 from ...readers.grid_folder import is_grid
-from ...work.pictures.altered_pictures import edits_of
 from ...work.selection import Selection, clips_of
 from ..open_project import opened
 from .losses import Losses
@@ -116,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
     scene, document = opened(options, match=matched or not options.no_cache)
-    selection = Selection(scene, document.clips, boxes, edits_of(document.alterations).hidden_in(scene))
+    selection = Selection(scene, document.clips, boxes, scene.hidden_stations(document))
 
     def note(text: str) -> None:
         print(f"pointglass: {options.out}: {text}", file=sys.stderr)

@@ -13,10 +13,9 @@ from ... import __version__
 from ...common.errors import InputError
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
+from ...picture.edits import NO_EDITS, Edits
+from ...picture.json_values import to_json
 from ...work.cameras.path import frame_name, interpolate
-from ...work.document import Alterations
-from ...work.project import to_json
-from .frames import FrameMaker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ...picture.settings import Settings
     from ...render.renderer import Renderer
+    from .frames import FrameMaker
 
 FRAMES_A_SECOND = 24.0
 MOST_FRAMES = 1_000_000
@@ -98,22 +98,19 @@ def _timing(path: Path) -> tuple[float | None, float | None]:
 
 def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate: float, settings: "Settings", out: Path, *,
          panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
-         alterations: Alterations | None = None) -> str:
-    """Makes the film; returns the line that tells a person what was made.  alterations: of a project.  Raises InputError."""
-    from ...work.pictures.altered_pictures import AlteredPictures
+         edits: Edits = NO_EDITS) -> str:
+    """Makes the film; returns the line that tells a person what was made.  edits: of a project.  Raises InputError."""
+    from .frames import FrameMaker
 
-    altered = None if alterations is None or alterations.none else AlteredPictures(renderer, alterations)
+    size = cameras[0].width, cameras[0].height
+    maker = FrameMaker(renderer, settings, size, supersample, panorama, background, edits)
     try:
-        size = cameras[0].width, cameras[0].height
-        maker = FrameMaker(renderer, settings, size, supersample, panorama, background, altered)
-        return _write(scene, maker, cameras, rate, out, resume=resume, alterations=alterations)
+        return _write(scene, maker, cameras, rate, out, resume=resume)
     finally:
-        if altered is not None:
-            altered.release()
+        maker.release()
 
 
-def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool,
-           alterations: Alterations | None) -> str:
+def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool) -> str:
     from .encode import write_folder, write_mp4
 
     size = maker.size
@@ -126,15 +123,15 @@ def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate:
         "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
         "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
     }
-    if alterations is not None and not alterations.none:
-        made_of["alterations"] = to_json(alterations)
+    if not maker.edits.none:
+        made_of["alterations"] = to_json(maker.edits)
     made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume,
-                        describe=partial(_describe, scene, maker, alterations))
+                        describe=partial(_describe, scene, maker))
     kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
     return f"{counted(len(cameras), 'frame')} in {out}{kept}"
 
 
-def _describe(scene: "Scene", maker: FrameMaker, alterations: Alterations | None, camera: "Camera") -> dict[str, str]:
+def _describe(scene: "Scene", maker: "FrameMaker", camera: "Camera") -> dict[str, str]:
     """The text inside the PNG of a frame: its description, or what prevents drawing it again."""
     from ...work.pictures.shot_metadata import KEY, cannot_repeat, describe_shot
 
@@ -142,9 +139,7 @@ def _describe(scene: "Scene", maker: FrameMaker, alterations: Alterations | None
         return cannot_repeat("a panorama")
     if maker.supersample > 1:
         return cannot_repeat(f"a picture averaged from one {maker.supersample} times as wide")
-    shot = describe_shot(scene, maker.framed(camera), maker.settings, background=maker.background, alterations=alterations,
-                         exposures="matched" if scene.matched else "as-scanned")
-    return {KEY: shot.text()}
+    return {KEY: describe_shot(scene, maker.spec(maker.framed(camera))).text()}
 
 
 def check(options: argparse.Namespace) -> None:

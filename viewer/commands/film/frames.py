@@ -1,6 +1,6 @@
 """Pictures of a film, one after the other: plain, supersampled, or 360-degree panoramas."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,13 +8,15 @@ import numpy as np
 from ....model.common.linear_light import TO_LINEAR, TO_SRGB
 from ...common.errors import InputError
 from ...picture.background import composite
+from ...picture.edits import NO_EDITS, Edits
 from ...picture.settings import Settings
+from ...picture.spec import PictureSpec
+from ...render.described_picture import Composer, render
 from .equirectangular import Panorama
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ...render.renderer import Renderer
-    from ...work.pictures.altered_pictures import AlteredPictures
 
 LARGEST_SUPERSAMPLE = 4
 
@@ -25,8 +27,8 @@ class FrameMaker:
 
     size: (width, height) of the pictures.  supersample: each picture is rendered this many times wider and higher and averaged
     in linear light, 1 to 4.  panorama: equirectangular pictures of all directions, around each camera's position, with its
-    heading in the middle.  background: a key of viewer.picture.background.COLOURS.
-    altered: makes the pictures where a project changes them; None: pictures are as the settings say.
+    heading in the middle.  background: a key of viewer.picture.background.COLOURS.  edits: of a project.
+    Owns GL objects: release it.
     """
 
     renderer: "Renderer"
@@ -35,13 +37,15 @@ class FrameMaker:
     supersample: int = 1
     panorama: bool = False
     background: str = "black"
-    altered: "AlteredPictures | None" = None
+    edits: Edits = NO_EDITS
+    _composer: Composer = field(init=False)
 
     def __post_init__(self) -> None:
         if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
             raise InputError(f"--supersample {self.supersample}: expected 1 to {LARGEST_SUPERSAMPLE}")
         if self.panorama and self.size[0] != 2 * self.size[1]:
             raise InputError(f"--size {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as 4096x2048")
+        object.__setattr__(self, "_composer", Composer(self.renderer.context))
 
     def picture(self, camera: "Camera") -> np.ndarray:
         """(H, W, 3) uint8 sRGB."""
@@ -57,10 +61,16 @@ class FrameMaker:
         sides = (side * self.supersample for side in self.size)
         return replace(camera.resized(*sides), name=camera.name)
 
+    def spec(self, camera: "Camera") -> PictureSpec:
+        """The description of what is rendered of a camera at its own size."""
+        return PictureSpec(camera, self.settings, edits=self.edits, background=self.background)
+
     def _draw(self, camera: "Camera") -> np.ndarray:
-        if self.altered is not None:
-            return self.altered.images(camera, self.settings, (self.settings.view,))[0]
-        return self.renderer.render(camera, self.settings).image(self.settings.view)
+        spec = self.spec(camera)
+        return self._composer.images(render(self.renderer, spec), spec)[0]
+
+    def release(self) -> None:
+        self._composer.release()
 
 
 def averaged(image: np.ndarray, factor: int) -> np.ndarray:

@@ -78,7 +78,6 @@ def cut_of(options: argparse.Namespace, scene: "Scene", document: "Document") ->
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    from ...work.pictures.altered_pictures import edits_of
     from ...work.selection import Selection
     from ..open_project import opened
     from .orthographic import draw
@@ -91,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         parse_line(options.line)
     scene, document = opened(options)
     cut, paper = cut_of(options, scene, document), paper_of(scene, scale, options.dpi)
-    selection = Selection(scene, document.clips, hidden=edits_of(document.alterations).hidden_in(scene))
+    selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
     drawing = draw(selection, cut, paper.pixel)
     width, height = write_sheet(options.out, drawing, paper, scene, title_of(scene))
     print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm")

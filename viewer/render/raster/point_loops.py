@@ -12,7 +12,7 @@ import numpy as np
 from ....model.common.jit import compiled
 from ....model.reference.station_constants import HEAVIEST, UNPLACED
 from ...picture.colour_modes import PointValue
-from .edits import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
+from .edit_block import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
 
 _F, _U = np.float32, np.uint32
 _COLOUR, _CLASS, _STATION = int(PointValue.COLOUR), int(PointValue.CLASS), int(PointValue.STATION)
@@ -20,7 +20,7 @@ _INTENSITY, _ALONG = int(PointValue.INTENSITY), int(PointValue.ALONG)
 
 
 class Edited(NamedTuple):
-    """The fields of viewer.render.raster.edits.BLOCK; all empty where there are no edits."""
+    """The fields of viewer.render.raster.edit_block.BLOCK; all empty where there are no edits."""
 
     clip_rows: np.ndarray
     clip_groups: np.ndarray
@@ -32,7 +32,7 @@ class Edited(NamedTuple):
 
     @staticmethod
     def of(block: bytes | None) -> "Edited":
-        """The edits of a picture.  block: of viewer.render.raster.edits.block_of, or None."""
+        """The edits of a picture.  block: of viewer.render.raster.edit_block.block_of, or None."""
         if block is None:
             return Edited(*(np.empty((0, *BLOCK[name].shape[1:]), BLOCK[name].base) for name in Edited._fields))
         made = np.frombuffer(block, BLOCK)[0]

@@ -58,7 +58,7 @@ class Rasteriser:
 
         stations: (MOST_STATIONS, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all points
         count the same.
-        edits: the block of viewer.render.raster.edits; None: every point is drawn as it is.
+        edits: the block of viewer.render.raster.edit_block; None: every point is drawn as it is.
         history: hidden cells may be left out, where this rasteriser can and it is worth it.  Returns whether history was used.
         """
         raise NotImplementedError

@@ -15,8 +15,8 @@ from ..culling.occlusion import History, worthwhile
 from ..device import shader
 from ..device.gpu_buffers import Grown
 from ..device.shader import BINDINGS
-from .edits import BLOCK as EDITS_BLOCK
-from .edits import DEFINES as EDITED
+from .edit_block import BLOCK as EDITS_BLOCK
+from .edit_block import DEFINES as EDITED
 from .raster import FRAME_FIELDS, Rasteriser
 from .stations import MOST_STATIONS
 

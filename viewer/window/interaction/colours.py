@@ -14,7 +14,7 @@ from ...grid.scene import unpack
 from ...picture.colour_modes import CLASSES, COLOUR_BY, RAMPS, Need, PointValue, category_colours, colours_of
 from ...picture.look import EXPOSURE_RANGE, MOST_POINT_SIZE, Look
 from ...picture.views import POINT_VIEWS
-from ...render.raster.edits import ends_of
+from ...render.raster.edit_block import ends_of
 from ...work.places.pick import station_name
 from .editing import edit, unit_of
 from .tool import Overlay, Tool, ToolContext
@@ -72,7 +72,7 @@ class AttributeLegend(Overlay):
                 title += f" (first {_MOST_ROWS} of {len(named)})"
             draw_legend(overlay, rows, title)  # type: ignore[arg-type]
             return
-        low, high = ends_of(context.session.work.edits, scene, context.camera)
+        low, high = ends_of(context.document, scene, context.camera)
         unit = "" if mode.value is PointValue.INTENSITY else f" {unit_of(context)}"
         if mode.value is PointValue.INTENSITY:
             low, high = scene.attributes.in_file(low), scene.attributes.in_file(high)
@@ -135,7 +135,7 @@ class Colours(Tool):
                 if ui.selectable(name, name == look.ramp)[0]:
                     self._change(context, "ramp", ramp=name)
             ui.end_combo()
-        low, high = ends_of(context.session.work.edits, context.scene, context.camera)
+        low, high = ends_of(context.document, context.scene, context.camera)
         layout = context.scene.attributes
         stored = COLOUR_BY[look.colour_by].value is PointValue.INTENSITY
         shown = (layout.in_file(low), layout.in_file(high)) if stored else (low, high)

@@ -109,7 +109,7 @@ class Pointing:
         scale = height / camera.height
         document = context.session.work.document
         hidden = np.zeros(256, bool)
-        hidden[list(context.session.work.edits.hidden_in(scene))] = True
+        hidden[list(scene.hidden_stations(context.document))] = True
 
         def kept(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
             return contains(document.clips, xyz) & ~hidden[scans]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ...work.document import UP_AXES
+from ...picture.edits import UP_AXES
 from .editing import edit, step
 from .reference_panel import ReferencePanel
 from .tool import Tool, ToolContext

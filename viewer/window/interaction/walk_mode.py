@@ -41,7 +41,7 @@ class WalkMode:
 
     def _wanted(self, context: "ToolContext") -> tuple:
         document, scene = context.document, context.scene
-        hidden = frozenset() if scene is None else context.session.work.edits.hidden_in(scene)
+        hidden = frozenset() if scene is None else scene.hidden_stations(context.document)
         return scene, tuple(document.up), metres_per_unit(context), document.clips, hidden
 
     def _start_build(self, context: "ToolContext") -> None:

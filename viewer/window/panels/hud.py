@@ -58,7 +58,7 @@ def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
         imgui.end_table()
     imgui.dummy(ImVec2(0, px(1)))
     rows = [
-        ("points", drawn_text(stats["points_drawn"], stats["points_total"], fewer=session.work.edits.drops)),
+        ("points", drawn_text(stats["points_drawn"], stats["points_total"], fewer=session.document.drops)),
         ("raster", f"{stats['raster']} on {_short(stats['opengl'])}"),
         ("size", f"{session.area.size[0]} × {session.area.size[1]}"),
         ("speed", session.speed_text),

@@ -65,7 +65,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         state = "exact" if session.screen.exact and not approximations else "at rest"
     rough = ", approximate" if approximations and state != "refining…" else ""
     drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
-    rate, drops = f"{fps:.0f} frames/s" if fps else "", session.work.edits.drops
+    rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     return [
         _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,

@@ -6,7 +6,7 @@ No GL: the viewport asks for a plan and reports what was made.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ...work.pictures.picture_spec import PictureSpec
+from ...picture.spec import PictureSpec
 from .adaptive_lod import AdaptiveLod
 
 

@@ -93,7 +93,7 @@ class SaveActions:
         if self.still is not None:
             self._session.notices.toast("The last picture is still being rendered")
             return None
-        width, height = job.panorama or (job.shot.camera.width, job.shot.camera.height)
+        width, height = job.panorama or (job.shot.spec.camera.width, job.shot.spec.camera.height)
         self._name = name.pop_all()
         self.still = still_worker(job, self._session.loads.wake)
         self._session.notices.toast(f"Rendering {width} x {height} pixels beside the window…")

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...work.pictures.altered_pictures import labelled, split_column
 from ...work.pictures.shot_metadata import Shot, describe_shot
 from ..viewport.viewport import scaled
 
@@ -21,12 +20,7 @@ def shot_of(session: "Session", name: str) -> Shot | None:
     if scene is None or min(session.area.size) == 0 or work.tint or work.photo is not None:
         return None
     spec = session.spec
-    camera = replace(scaled(spec.camera, work.shot_scale), name=name)
-    return describe_shot(
-        scene, camera, replace(spec.settings, view=spec.views[0]), background=spec.background,
-        exposures="matched" if scene.matched else "as-scanned", alterations=spec.alterations,
-        other_view=spec.views[1] if len(spec.views) == 2 else "", split_at=spec.split_at,
-    )  # fmt: skip
+    return describe_shot(scene, replace(spec, camera=replace(scaled(spec.camera, work.shot_scale), name=name)))
 
 
 def saved_picture(session: "Session", viewport: "Viewport", name: str) -> tuple[np.ndarray, Shot | None] | None:
@@ -34,11 +28,5 @@ def saved_picture(session: "Session", viewport: "Viewport", name: str) -> tuple[
 
     Raises PointglassError where it cannot be made.
     """
-    shot = shot_of(session, name)
-    image = viewport.full_picture()
-    if image is None:
-        return None
-    spec = session.spec
-    if len(spec.views) == 2:
-        labelled(image, split_column(spec.split_at, image.shape[1]), (spec.views[0], spec.views[1]))
-    return image, shot
+    shot, image = shot_of(session, name), viewport.full_picture()
+    return None if image is None else (image, shot)

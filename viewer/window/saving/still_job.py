@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...work.ghosts import prepared
-from ...work.pictures.altered_pictures import AlteredPictures, shot_picture
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
 from ..kit.worker import Worker
 from .capture import save_png
@@ -36,19 +35,21 @@ class StillJob:
 
     def render(self) -> Path:
         """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
+        from ...render.described_picture import picture_of
         from ...render.device.context import create_context
         from ...render.renderer import Renderer
 
-        if "neural" in (self.shot.settings.view, self.shot.other_view):
+        spec = self.shot.spec
+        if "neural" in spec.views:
             from ....model.common.process.torch_process import prepare_inference
 
             prepare_inference()
         context = create_context()
         try:
-            renderer = Renderer(context, prepared(self.scene, self.shot.alterations.ghosts))
+            renderer = Renderer(context, prepared(self.scene, spec.edits.ghosts))
             try:
                 if self.panorama is None:
-                    save_png(self.out, shot_picture(renderer, self.shot), {KEY: self.shot.text()})
+                    save_png(self.out, picture_of(renderer, spec), {KEY: self.shot.text()})
                 else:
                     save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))
             finally:
@@ -60,13 +61,12 @@ class StillJob:
     def _panorama(self, renderer: "Renderer", size: tuple[int, int]) -> "np.ndarray":
         from ...commands.film.frames import FrameMaker
 
-        altered = AlteredPictures(renderer, self.shot.alterations)
+        spec = self.shot.spec
+        maker = FrameMaker(renderer, spec.settings, size, panorama=True, background=spec.background, edits=spec.edits)
         try:
-            maker = FrameMaker(renderer, self.shot.settings, size, panorama=True, background=self.shot.background,
-                               altered=None if self.shot.alterations.none else altered)
-            return maker.picture(self.shot.camera)
+            return maker.picture(spec.camera)
         finally:
-            altered.release()
+            maker.release()
 
 
 def still_worker(job: StillJob, wake: Callable[[], None]) -> Worker:

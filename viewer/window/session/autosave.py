@@ -22,9 +22,10 @@ from ....model.common.files.state_folder import state_dir
 from ....model.common.system import lock_file, remove_lock_file
 from ...common.errors import InputError
 from ...common.state_files import read_state
+from ...picture.json_values import from_json, to_json
 from ...work.document import Document
 from ...work.measure import Begun
-from ...work.project import document_from_json, from_json, to_json, with_paths, write_durably
+from ...work.project import document_from_json, with_paths, write_durably
 
 FOLDER = "autosave"
 VERSION = 1

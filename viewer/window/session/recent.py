@@ -17,8 +17,8 @@ from ....model.common.files.atomic_write import write_atomic
 from ....model.common.files.state_folder import state_dir
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
+from ...picture.json_values import from_json, to_json
 from ...work.document import Viewpoint
-from ...work.project import from_json, to_json
 
 MOST = 12
 """Scans that are remembered."""

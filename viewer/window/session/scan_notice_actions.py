@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...work.document import UP_AXES
+from ...picture.edits import UP_AXES
 
 if TYPE_CHECKING:
     from .session import Session

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from ...work.pictures.picture_spec import PictureSpec
+from ...picture.spec import PictureSpec
 from ..flight.flight import Flight
 from ..planning.picture_plan import Picture, Plan
 from ..planning.view_settings import ViewSettings

@@ -23,8 +23,8 @@ import numpy as np
 from ...common.text import counted
 from ...picture.camera import Camera
 from ...picture.settings import Settings
+from ...picture.spec import PictureSpec
 from ...work.document import Document, Viewpoint
-from ...work.pictures.picture_spec import PictureSpec
 from ..flight.flight import Flight
 from ..kit.notices import Notices, ScanNotice
 from ..planning import networks
@@ -116,10 +116,10 @@ class Session:
     def spec(self) -> PictureSpec:
         """The description of the picture that is asked for now."""
         chosen, work = self.view_settings, self.work
-        altered = work.document.alterations
+        edits = work.document.edits
         if self.scene is None or self.scene.marked is None:  # passers-by are looked for, and shown until then
-            altered = replace(altered, ghosts="shown")
-        return PictureSpec(self.camera, chosen.settings, chosen.sides, altered, work.tint, chosen.background, chosen.split_at)
+            edits = replace(edits, ghosts="shown")
+        return PictureSpec(self.camera, chosen.settings, chosen.sides, edits, work.tint, chosen.background, chosen.split_at)
 
     def drew(self, plan: Plan, stats: dict) -> None:
         """A picture was made as planned; ``stats`` as ``Frame.stats``."""
@@ -167,7 +167,7 @@ class Session:
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether anything visible changed."""
         moved, expired = self.flight.advance(), self.notices.expire()
-        turned, altered = self.flight.set_up(self.document.up), (self.document.alterations, self.work.tint)
+        turned, altered = self.flight.set_up(self.document.up), (self.document.edits, self.work.tint)
         if turned or self._followed not in (None, altered):
             self.picture.renew()  # refinement starts again
         self._followed = altered
@@ -273,7 +273,7 @@ class Session:
         elif loaded.follows_preview:
             visit.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
-        self._followed = document.alterations, self.work.tint
+        self._followed = document.edits, self.work.tint
         self.notices.leave_scene()
         if loaded.preview:
             return

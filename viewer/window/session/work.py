@@ -11,11 +11,9 @@ from ...common.errors import InputError
 from ...picture.camera import Camera
 from ...picture.settings import Settings
 from ...readers.e57.e57_photographs import StationPhoto
-from ...render.raster.edits import Edits
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measure import Begun
-from ...work.pictures.altered_pictures import edits_of
 from ...work.places.pick import Picked
 from ...work.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
 from ...work.reference import with_reference
@@ -86,11 +84,6 @@ class Work:
                 found, self.reference_problem = meta, str(error)
             self._facts = meta, scans, found
         return self._facts[2]
-
-    @property
-    def edits(self) -> Edits:
-        """What the document does to the points that are drawn."""
-        return edits_of(self.document.alterations)
 
     def edit(self, label: str, gesture: object = None, **changes: object) -> None:
         """Changes fields of the document as one step that can be undone.  The session draws a new picture where its

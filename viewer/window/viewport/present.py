@@ -19,11 +19,6 @@ if TYPE_CHECKING:
     from ...render.device.shader import Programs
 
 
-def split_column(split: float, width: int) -> int:
-    """First pixel column of the right side for a line at ``split`` (0 to 1) of the width."""
-    return int(np.clip(round(split * width), 0, width))
-
-
 class Canvas:
     """Owns what the window shows, (width, height) pixels.  Row 0 of :meth:`read` is the top."""
 

@@ -12,27 +12,27 @@ import numpy as np
 
 from ...common.errors import DeviceError, DeviceLostError, PointglassError
 from ...picture.background import composite
-from ...picture.settings import Memory, Settings
+from ...picture.composition import joined, split_column
+from ...picture.settings import Memory
 from ...render.culling.occlusion import Occlusion
-from ...render.developed_views import DevelopedViews
+from ...render.described_picture import Composer, render
 from ...render.passes.develop import read_picture
 from ...render.raster.points import UPLOAD_SECONDS
-from ...work.pictures.altered_pictures import edits_of
 from ..kit.frame_rate import FrameRate
 from ..planning.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from ..session.loading import Loaded
 from ..session.session import Session
 from .photo_layer import PhotoLayer
-from .present import Canvas, split_column
+from .present import Canvas
 
 if TYPE_CHECKING:
     import moderngl
 
     from ...grid.scene import Scene
     from ...picture.camera import Camera
+    from ...picture.spec import PictureSpec
     from ...render.frame import Frame
     from ...render.renderer import Renderer
-    from ...work.pictures.picture_spec import PictureSpec
     from ..planning.picture_plan import Plan
 
 _NO_MEMORY = "not enough memory for its points"
@@ -45,6 +45,12 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
     if scale == 1.0:
         return camera
     return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+
+
+def as_planned(spec: "PictureSpec", plan: "Plan") -> "PictureSpec":
+    """The description of what is rendered for ``spec``, with what the plan leaves out."""
+    settings = replace(spec.settings, lod=plan.level, quality=plan.network or spec.settings.quality)
+    return replace(spec, camera=scaled(spec.camera, plan.scale), settings=settings, views=plan.views)
 
 
 class Viewport:
@@ -60,7 +66,7 @@ class Viewport:
 
         self.context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
-        self._views = DevelopedViews(self._programs)
+        self._composer = Composer(context)
         self._photos = PhotoLayer(context)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
@@ -156,14 +162,11 @@ class Viewport:
             return
         session.picture.contended = self.shares_processors and renderer.network_busy
         plan, spec = session.screen.plan, session.spec
-        views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
-        self.frame_camera = scaled(spec.camera, plan.scale)
+        planned = as_planned(spec, plan)
+        self.frame_camera = planned.camera
         try:
-            self.frame = renderer.render(
-                self.frame_camera, self._settings(plan, spec), self._with_measured(views, spec),
-                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
-                edits=edits_of(spec.alterations),
-            )  # fmt: skip
+            self.frame = render(renderer, planned, self._seen if plan.hides else None,
+                                more=("filled",) if plan.deferred else (), streaming=True, defer_network=plan.deferred)
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
@@ -179,15 +182,6 @@ class Viewport:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
-
-    def _settings(self, plan: "Plan", spec: "PictureSpec") -> Settings:
-        """The settings described, with what the plan leaves out."""
-        return replace(spec.settings, lod=plan.level, quality=plan.network or spec.settings.quality)
-
-    def _with_measured(self, views: tuple[str, ...], spec: "PictureSpec") -> tuple[str, ...]:
-        """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
-        more = ("filtered",) if spec.tint or (spec.alterations.lock_measured and "neural" in views) else ()
-        return tuple(dict.fromkeys((*views, *more)))
 
     def _empty(self, frame: "Frame", plan: "Plan") -> bool:
         """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
@@ -273,8 +267,7 @@ class Viewport:
         """A view of the last picture as the look, the tint and the lock of its description have it."""
         spec, photo = self._session.picture.spec, self._session.work.photo
         assert self.frame is not None and spec is not None
-        altered = spec.alterations
-        made = self._views.texture(self.frame, view, altered.look, tint=spec.tint, lock=altered.lock_measured)
+        made = self._composer.texture(self.frame, view, spec)
         if photo is None or self.renderer is None:
             return made
         return self._photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene)
@@ -289,7 +282,8 @@ class Viewport:
             return None
 
     def full_picture(self) -> np.ndarray | None:
-        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
+        """(H, W, 3) uint8: what is shown, without the interface and at full quality, a comparison with the names of its sides;
+        None without a scene.
 
         Raises PointglassError where it cannot be made.
         """
@@ -297,23 +291,14 @@ class Viewport:
         if self.renderer is None or min(session.area.size) == 0:
             return None
         plan, spec = session.screen.full_plan, session.spec
-        sides, background = spec.views, spec.background
-        if self.frame is not None and session.screen.exact:
-            frame = self.frame
-        else:
-            frame = self.renderer.render(spec.camera, spec.settings, self._with_measured(sides, spec),
-                                         edits=edits_of(spec.alterations))
-            self.frame, self.frame_camera, self._shown = frame, spec.camera, sides
-            self._tell(plan, frame)
-        images = [read_picture(self._developed(view)) for view in sides]
-        image = composite(images[0], background)
-        if len(sides) == 2:
-            column = split_column(spec.split_at, session.area.size[0])
-            image[:, column:] = composite(images[1], background)[:, column:]
-        return image
+        if self.frame is None or not session.screen.exact:
+            self.frame, self.frame_camera, self._shown = render(self.renderer, spec), spec.camera, spec.views
+            self._tell(plan, self.frame)
+        images = [read_picture(self._developed(view)) for view in spec.views]
+        return joined(images, spec.background, spec.views, spec.split_at)
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._views, self._photos, self._programs):
+        for owned in (self.renderer, self.canvas, self._composer, self._photos, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

@@ -23,12 +23,12 @@ def is_finished(out: Path, shot: Shot, *, newer_than: float, aux: bool) -> bool:
 
     newer_than: seconds since 1970; a picture from before is not taken.
     """
-    name = safe_name(shot.camera.name, "picture")
+    name = safe_name(shot.spec.camera.name, "picture")
     picture = out / f"{name}.png"
     try:
         if not picture.is_file() or picture.stat().st_mtime < newer_than or png_text(picture, KEY) != shot.text():
             return False
-        size = shot.camera.height, shot.camera.width
+        size = shot.spec.camera.height, shot.spec.camera.width
         return whole_png(picture, size) and (not aux or _whole_aux(out, name, size))
     except (OSError, InputError):
         return False

@@ -1,14 +1,14 @@
 """A film rendered beside the window: on a thread, with an OpenGL context and a renderer of its own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....commands.film.command import MP4, film
 from ....common.errors import InputError
+from ....picture.edits import NO_EDITS, Edits
 from ....picture.settings import Settings
-from ....work.document import Alterations
 from ....work.ghosts import prepared
 from ...kit.worker import Worker
 
@@ -29,7 +29,7 @@ class FilmJob:
     panorama: bool = False
     supersample: int = 1
     background: str = "black"
-    alterations: Alterations = field(default_factory=Alterations)
+    edits: Edits = NO_EDITS
 
     def render(self) -> str:
         """Makes the film; a folder is continued where it holds frames of the same film.  Returns what was made, in words.
@@ -47,11 +47,11 @@ class FilmJob:
             prepare_inference()
         context = create_context()
         try:
-            scene = prepared(self.scene, self.alterations.ghosts)
+            scene = prepared(self.scene, self.edits.ghosts)
             renderer = Renderer(context, scene)
             try:
                 return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
-                            supersample=self.supersample, background=self.background, alterations=self.alterations,
+                            supersample=self.supersample, background=self.background, edits=self.edits,
                             resume=self.out.suffix.lower() not in MP4)
             finally:
                 renderer.release()

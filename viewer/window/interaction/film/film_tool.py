@@ -85,7 +85,7 @@ class Film(Tool):
         return FilmJob(
             context.session.scene, tuple(cameras_along(path.keyframes, count, size, closed=path.closed)), path.fps,
             settings, out, panorama=self.panorama, supersample=self.supersample,
-            background=context.session.view_settings.background, alterations=context.document.alterations,
+            background=context.session.view_settings.background, edits=context.document.edits,
         )  # fmt: skip
 
     def ask(self, context: ToolContext) -> None:

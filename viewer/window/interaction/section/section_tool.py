@@ -146,7 +146,7 @@ class SectionTool(Tool):
             context.toast("Click the two ends of the section line first")
             return
         scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
-        selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
+        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
 
         def work() -> "Path":
             from ....commands.section.orthographic import draw
@@ -173,7 +173,7 @@ class SectionTool(Tool):
             self.preview.follow(context, None, None)
             return
         scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
-        selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
+        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
 
         def work() -> np.ndarray:
             from ....commands.section.orthographic import draw

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....common.text import counted
-from ....work.document import GHOSTS
+from ....picture.edits import GHOSTS
 from ....work.ghosts import with_ghosts
 from ...kit.worker import Worker
 from ..editing import edit, end, ended

@@ -1,28 +1,26 @@
-"""Edits: clips, hidden stations, ghosts and colour modes, which decide which points are drawn and in which colour.
+"""Edits as shaders read them: which points are drawn, and in which colour.
 
-Clips, hidden stations and hidden ghosts remove points, the look colours them by an attribute, dimmed ghosts are a faint grey.
-A picture without edits runs programs compiled
-without them.  With edits, cells that clips remove completely are not drawn, and the rest is decided point by point
-(shaders/common_edits.glsl).  References: viewer.picture.clip.contains and viewer.picture.colour_modes.levels.
+Clips, hidden stations and hidden ghosts (viewer.picture.edits) remove points, the look colours them by an attribute, dimmed
+ghosts are a faint grey.  A picture without edits runs programs compiled without them.  With edits, cells that clips remove
+completely are not drawn, and the rest is decided point by point (shaders/common_edits.glsl).
+References: viewer.picture.clip.contains and viewer.picture.colour_modes.levels.
 Frame: clips and heights in file coordinates, float64; handed to the GPU in the view frame relative to the camera, float32.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...grid.scene import unpack
-from ...picture.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
+from ...picture.clip import MOST_CLIPS, active, group, may_contain, normals
 from ...picture.colour_modes import COLOUR_BY, LEVELS, PointValue, colours_of
-from ...picture.look import Look
-from ...picture.views import POINT_VIEWS
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
+    from ...picture.edits import Edits
     from ..culling.cull import DrawList
 
 BLOCK = np.dtype([
@@ -40,45 +38,7 @@ _SAMPLE = 200_000
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
 
 
-@dataclass(frozen=True)
-class Edits:
-    """clips: file coordinates.  hidden: numbers of stations that are not drawn.  look: how points are coloured.
-    up: unit vector, file frame, along which heights count.  ghosts: one of viewer.work.ghosts.GHOSTS; it applies where the
-    scene's ghosts are marked (Scene.marked)."""
-
-    clips: tuple[Clip, ...] = ()
-    hidden: frozenset[int] = frozenset()
-    look: Look = field(default_factory=Look)
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    ghosts: str = "shown"
-
-    @property
-    def empty(self) -> bool:
-        """Whether no edit changes any point."""
-        return not (self.drops or self.recolours or self.ghosts == "dimmed")
-
-    @property
-    def recolours(self) -> bool:
-        """Whether points are coloured by an attribute."""
-        return self.look.recolours
-
-    def shown_in(self, views: Iterable[str]) -> "Edits | None":
-        """The edits that apply to a picture of these views, None where none does: hole fill and network use RGB only."""
-        plain = self if set(views) <= set(POINT_VIEWS) else replace(self, look=replace(self.look, colour_by="rgb"))
-        return None if plain.empty else plain
-
-    def hidden_in(self, scene: "Scene") -> frozenset[int]:
-        """Numbers of the stations of ``scene`` that are not drawn, hidden ghosts among them."""
-        ghosts = {scene.marked.station} if scene.marked is not None and self.ghosts == "hidden" else set()
-        return self.hidden | ghosts
-
-    @property
-    def drops(self) -> bool:
-        """Whether some points may not be drawn."""
-        return bool(active(self.clips) or self.hidden or self.ghosts == "hidden")
-
-
-def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
+def block_of(edits: "Edits", scene: "Scene", camera: "Camera") -> bytes:
     """The uniform block Edits for a picture, as bytes."""
     data = np.zeros((), BLOCK)
     rotation = camera.view_rotation
@@ -90,7 +50,7 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
         data["clip_rows"][3 * number : 3 * number + 3, 3] = rows @ (camera.position - np.array(clip.centre))
         groups[group(clip)] |= np.uint32(1 << number)
     data["clip_groups"] = (len(clips), *groups)
-    for station in edits.hidden_in(scene):
+    for station in scene.hidden_stations(edits):
         if 0 <= station < LEVELS:
             data["hidden"][station // 32] |= np.uint32(1 << station % 32)
     low, high = ends_of(edits, scene, camera)
@@ -115,7 +75,7 @@ def dimmed(rgb: np.ndarray) -> np.ndarray:
     return np.repeat((DIMMED_LEAST + (grey >> DIMMED_SHIFT)).astype(np.uint8)[:, None], 3, axis=1)
 
 
-def ends_of(edits: Edits, scene: "Scene", camera: "Camera | None" = None) -> tuple[float, float]:
+def ends_of(edits: "Edits", scene: "Scene", camera: "Camera | None" = None) -> tuple[float, float]:
     """The attribute at the two ends of the ramp: as the look says, else as the scan's points have it.
 
     camera: for distances; None: those are told from the middle of the scan.
@@ -127,7 +87,7 @@ def ends_of(edits: Edits, scene: "Scene", camera: "Camera | None" = None) -> tup
     return low or 0.0, high or 0.0
 
 
-def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[float, float]:
+def _extremes(edits: "Edits", scene: "Scene", camera: "Camera | None") -> tuple[float, float]:
     """Least and greatest of the attribute: coordinates and distances of the scan's bounds, intensities of 99 % of a sample."""
     mode = COLOUR_BY[edits.look.colour_by]
     if mode.value is PointValue.INTENSITY:
@@ -144,7 +104,7 @@ def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[fl
     return 0.0, float(np.linalg.norm(corners - eye, axis=1).max())
 
 
-def without_clipped_cells(draw: "DrawList", edits: Edits, scene: "Scene") -> "DrawList":
+def without_clipped_cells(draw: "DrawList", edits: "Edits", scene: "Scene") -> "DrawList":
     """The draw list without the runs of cells that clips remove completely."""
     clips = active(edits.clips)
     if not clips or len(draw.cells) == 0:

@@ -1,0 +1,83 @@
+"""Edits: what a document changes of the pictures of its scans.
+
+Clips, hidden stations and hidden ghosts remove points; the look colours them and develops the picture; the lock keeps measured
+pixels in the neural view.  Plain values: viewer.render.raster.edit_block turns them into what shaders read.
+Frame: clips and the up axis in file coordinates, float64.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from ..common.errors import InputError
+from .clip import Clip, Vector, active
+from .look import Look
+from .views import POINT_VIEWS
+
+GHOSTS = ("shown", "dimmed", "hidden")
+"""What may be done with points that another station saw through."""
+UP_AXES: dict[str, Vector] = {
+    "z": (0.0, 0.0, 1.0), "y": (0.0, 1.0, 0.0), "x": (1.0, 0.0, 0.0),
+    "-z": (0.0, 0.0, -1.0), "-y": (0.0, -1.0, 0.0), "-x": (-1.0, 0.0, 0.0),
+}  # fmt: skip
+"""Directions of the file's frame that a person may call up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edits:
+    """Everything besides camera and settings that changes a picture of the scans.
+
+    hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
+    up: the direction that is up, unit vector of the file's frame, along which heights count.
+    lock_measured: pixels that were measured are shown as measured in the neural view, too.
+    ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS; it applies where the
+    scene's ghosts are marked (Scene.marked).
+    Raises InputError naming a bad value.
+    """
+
+    clips: tuple[Clip, ...] = ()
+    hidden_stations: tuple[int, ...] = ()
+    up: Vector = UP_AXES["z"]
+    look: Look = field(default_factory=Look)
+    lock_measured: bool = False
+    ghosts: str = "shown"
+
+    def __post_init__(self) -> None:
+        if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
+            raise InputError(f"up {self.up!r}: expected a unit vector")
+        if not all(0 <= number < 256 for number in self.hidden_stations):
+            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
+        if self.ghosts not in GHOSTS:
+            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
+
+    @property
+    def none(self) -> bool:
+        """Whether pictures are as without any edit.  The up axis matters only to colours by height."""
+        plain = Edits(up=self.up)
+        return all(getattr(self, each.name) == getattr(plain, each.name) for each in fields(Edits))
+
+    @property
+    def drops(self) -> bool:
+        """Whether some points may not be drawn."""
+        return bool(active(self.clips) or self.hidden_stations or self.ghosts == "hidden")
+
+    @property
+    def recolours(self) -> bool:
+        """Whether points are coloured by an attribute."""
+        return self.look.recolours
+
+    @property
+    def changes_points(self) -> bool:
+        """Whether some point is drawn differently, or not at all; the rest of the look develops the finished picture."""
+        return self.drops or self.recolours or self.ghosts == "dimmed"
+
+    def shown_in(self, views: Iterable[str]) -> "Edits | None":
+        """The edits of points that apply to a picture of these views, None where none does: hole fill and network use RGB
+        only."""
+        plain = self if set(views) <= set(POINT_VIEWS) else replace(self, look=replace(self.look, colour_by="rgb"))
+        return plain if plain.changes_points else None
+
+
+NO_EDITS = Edits()
+"""Of pictures without a document."""

@@ -1,0 +1,95 @@
+"""Pictures as a PictureSpec describes them: rendered, developed, and put together.
+
+The window, F12, ``render``, films and Python all make their pictures here, so that the same description gives the same bytes.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..picture.composition import joined
+from .device.shader import Programs
+from .passes.develop import Developer, needs, read_picture
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ..picture.spec import PictureSpec
+    from .culling.occlusion import Occlusion
+    from .frame import Frame
+    from .renderer import Renderer
+
+
+def render(renderer: "Renderer", spec: "PictureSpec", history: "Occlusion | None" = None, *, more: tuple[str, ...] = (),
+           streaming: bool = False, defer_network: bool = False) -> "Frame":
+    """The views that a description shows, and those that it compares with.  more: views that are wanted besides.
+
+    The other arguments, and errors, as of Renderer.render.
+    """
+    views = tuple(dict.fromkeys((*spec.rendered_views, *more)))
+    return renderer.render(spec.camera, spec.settings, views, history, streaming=streaming, defer_network=defer_network,
+                           edits=spec.edits)
+
+
+def picture_of(renderer: "Renderer", spec: "PictureSpec") -> np.ndarray:
+    """The picture that a description describes, as it is saved: (H, W, 3) uint8, with a transparent background (H, W, 4)."""
+    composer = Composer(renderer.context)
+    try:
+        return composer.compose(render(renderer, spec), spec)
+    finally:
+        composer.release()
+
+
+class Composer:
+    """Develops the views of a frame as a description has them, and puts them together.
+
+    Each developed view is made once and kept until the frame or what it depends on changes.  Owns GL objects: release it.
+    """
+
+    def __init__(self, context: "moderngl.Context"):
+        self._programs = Programs(context)
+        self._developers: dict[str, Developer] = {}
+        self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
+
+    def compose(self, frame: "Frame", spec: "PictureSpec") -> np.ndarray:
+        """The picture as it is saved: (H, W, 3) uint8, with a transparent background (H, W, 4)."""
+        return joined(self.images(frame, spec), spec.background, spec.views, spec.split_at)
+
+    def images(self, frame: "Frame", spec: "PictureSpec") -> list[np.ndarray]:
+        """(H, W, 4) uint8, premultiplied, of each view shown, left first."""
+        return [read_picture(self.texture(frame, view, spec)) if self._developed(frame, view, spec) else frame.image(view)
+                for view in spec.views]
+
+    def texture(self, frame: "Frame", view: str, spec: "PictureSpec") -> "moderngl.Texture":
+        """A view of the frame with the look, tint and lock of ``spec``: the frame's own texture where they change nothing."""
+        plain = frame.textures[view]
+        asked = self._developed(frame, view, spec)
+        if asked is None:
+            return plain
+        look, (tint, lock) = spec.edits.look, asked
+        key = (look, tint, lock, frame.facts.get("network_pending"))  # the network may add its picture later
+        made = self._made.get(view)
+        if made is not None and made[0] is frame and made[1] == key:
+            return made[2]
+        developer = self._developers.get(view)
+        if developer is None or developer.size != plain.size:
+            if developer is not None:
+                developer.release()
+            developer = self._developers[view] = Developer(self._programs, plain.size)
+        texture = developer.run(frame, view, look, tint=tint, lock=lock)
+        self._made[view] = frame, key, texture
+        return texture
+
+    def _developed(self, frame: "Frame", view: str, spec: "PictureSpec") -> tuple[bool, bool] | None:
+        """Whether a view is tinted and locked; None where it is shown as it was rendered."""
+        tint, lock = spec.tint, spec.edits.lock_measured
+        if (tint or lock) and view != "raw" and "filtered" not in frame.textures:
+            tint = lock = False  # of the frame before they were asked for
+        return (tint, lock) if needs(spec.edits.look, view, tint=tint, lock=lock) else None
+
+    def release(self) -> None:
+        for developer in self._developers.values():
+            developer.release()
+        self._developers.clear()
+        self._made.clear()
+        self._programs.release()
