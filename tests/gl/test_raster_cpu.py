@@ -114,7 +114,8 @@ def test_edits(renderer_of, colour_by, seed):
     renderer, random, changed = renderer_of(scene), np.random.default_rng(seed), 0
     for number in range(3):
         clips = random_clips(random, scene) if number else ()
-        edits = Edits(clips=clips, hidden_stations=(37,) if number == 2 else (), look=Look(colour_by, "turbo"), up=(0.0, 0.6, 0.8))
+        edits = Edits(clips=clips, hidden_stations=(37,) if number == 2 else (), look=Look(colour_by, "turbo"),
+                      up=(0.0, 0.6, 0.8))
         camera = camera_in(scene, seed + number, (120, 90))
         changed += assert_same(renderer, camera, None, edits, ("raw",)) != made_by(renderer, "cpu", camera, views=("raw",))
     assert changed or colour_by == "rgb"

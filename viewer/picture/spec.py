@@ -46,11 +46,10 @@ class PictureSpec:
         for view in views:
             if view not in VIEWS:
                 raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+        object.__setattr__(self, "views", views)
+        object.__setattr__(self, "settings", replace(self.settings, view=views[0]))
         if len(views) > 2:
             raise InputError(f"views {', '.join(views)}: one can be shown, or two side by side")
-        object.__setattr__(self, "views", views)
-        if self.settings.view != views[0]:
-            object.__setattr__(self, "settings", replace(self.settings, view=views[0]))
         if self.background not in BACKGROUNDS:
             raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
         if not 0 <= self.split_at <= 1:
