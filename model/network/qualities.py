@@ -23,7 +23,7 @@ class Quality:
     size: of a compact network (model.network.unet); None: the paper's network, or none of its own.
     mirrors: the quality whose network and weights it runs on mirrored pictures, averaged; None: it has its own.
     smaller: the quality that may stand in for it while the camera moves; that one's ``smaller`` comes next.
-    Whether its weights are shipped is what model.network.weights_folder finds.
+    Whether its weights are shipped, model.network.weights_folder finds.
     """
 
     text: str

@@ -10,18 +10,36 @@ Two parts, both plain NumPy here, which the shaders are tested against:
 Colours are sRGB levels, uint8; pictures are premultiplied by alpha as in viewer.render.frame.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from ..common.errors import InputError
 from .colour_modes import COLOUR_BY, LEVELS, RAMPS, PointValue
 
-EXPOSURE_RANGE = 5.0
-"""Stops up or down."""
 MOST_POINT_SIZE = 15
 EDL_GAIN = 300.0
 """Of eye-dome lighting at strength 1, as in CloudCompare's and Potree's shaders."""
+
+
+@dataclass(frozen=True)
+class Tone:
+    """What a field of Look does to the finished picture's tones.  most: it goes from -most to most; 0 does nothing.
+
+    shown: how the window prints it.  curve: (sRGB levels in 0..1, the value) -> levels, clipped to 0..1 afterwards; None: it is
+    one of the gains of linear light in :func:`tone_curves`.
+    """
+
+    most: float
+    shown: str = "%+.2f"
+    curve: Callable[[np.ndarray, float], np.ndarray] | None = None
+
+
+def tone(most: float, shown: str = "%+.2f", curve: Callable[[np.ndarray, float], np.ndarray] | None = None) -> Any:
+    """A field of Look that changes tones: its range, its slider and what it does; a new one needs nothing else."""
+    return field(default=0.0, metadata={"tone": Tone(most, shown, curve)})
 
 
 @dataclass(frozen=True)
@@ -39,10 +57,10 @@ class Look:
     ramp: str = "viridis"
     low: float | None = None
     high: float | None = None
-    exposure: float = 0.0
-    brightness: float = 0.0
-    temperature: float = 0.0
-    tint: float = 0.0
+    exposure: float = tone(5.0, "%+.2f stops")
+    brightness: float = tone(1.0, curve=lambda levels, value: levels ** (2.0**-value))
+    temperature: float = tone(1.0)
+    tint: float = tone(1.0)
     point_size: int = 1
     edl: float = 0.0
 
@@ -50,10 +68,9 @@ class Look:
         for name, table in (("colour_by", COLOUR_BY), ("ramp", RAMPS)):
             if getattr(self, name) not in table:
                 raise InputError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(table)}")
-        limits = {"exposure": EXPOSURE_RANGE, "brightness": 1.0, "temperature": 1.0, "tint": 1.0}
-        for name, most in limits.items():
-            if not abs(getattr(self, name)) <= most:
-                raise InputError(f"{name} {getattr(self, name)!r}: expected a number from {-most:g} to {most:g}")
+        for name, row in TONES.items():
+            if not abs(getattr(self, name)) <= row.most:
+                raise InputError(f"{name} {getattr(self, name)!r}: expected a number from {-row.most:g} to {row.most:g}")
         for name in ("low", "high"):
             value = getattr(self, name)
             if value is not None and not np.isfinite(value):
@@ -71,12 +88,16 @@ class Look:
     @property
     def develops(self) -> bool:
         """Whether the finished picture's tones change."""
-        return any((self.exposure, self.brightness, self.temperature, self.tint))
+        return any(getattr(self, name) for name in TONES)
 
     @property
     def shapes_points(self) -> bool:
         """Whether points look other than one pixel each, flat."""
         return self.point_size > 1 or self.edl > 0
+
+
+TONES: dict[str, Tone] = {row.name: row.metadata["tone"] for row in fields(Look) if "tone" in row.metadata}
+"""The fields of Look that change tones, in the order of their sliders."""
 
 
 def tone_curves(look: Look) -> np.ndarray:
@@ -88,8 +109,11 @@ def tone_curves(look: Look) -> np.ndarray:
     gains = 2.0 ** (0.5 * np.array([look.temperature + 0.5 * look.tint, -look.tint, -look.temperature + 0.5 * look.tint]))
     gains *= 2.0**look.exposure / (gains @ (0.2126, 0.7152, 0.0722))
     light = _to_linear(np.arange(LEVELS)[:, None] / (LEVELS - 1)) * gains
-    levels_ = _to_srgb(np.clip(light, 0.0, 1.0)) ** (2.0**-look.brightness)
-    return np.rint(levels_ * (LEVELS - 1)).astype(np.uint8)
+    levels = _to_srgb(np.clip(light, 0.0, 1.0))
+    for name, row in TONES.items():
+        if row.curve is not None:
+            levels = row.curve(levels, getattr(look, name))
+    return np.rint(np.clip(levels, 0.0, 1.0) * (LEVELS - 1)).astype(np.uint8)
 
 
 def _to_linear(srgb: np.ndarray) -> np.ndarray:

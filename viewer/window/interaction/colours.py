@@ -12,7 +12,7 @@ import numpy as np
 
 from ...grid.scene import unpack
 from ...picture.colour_modes import CLASSES, COLOUR_BY, RAMPS, Need, PointValue, category_colours, colours_of
-from ...picture.look import EXPOSURE_RANGE, MOST_POINT_SIZE, Look
+from ...picture.look import MOST_POINT_SIZE, TONES, Look
 from ...picture.views import POINT_VIEWS
 from ...render.raster.edit_block import ends_of
 from ...work.places.pick import station_name
@@ -120,7 +120,8 @@ class Colours(Tool):
             self._ramp(ui, context, look)
         if look.recolours and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
             ui.text_wrapped("Filled and neural views know the scan's own colours only.")
-        self._tones(ui, context, look)
+        for name, tone in TONES.items():
+            self._slider(ui, context, name, -tone.most, tone.most, tone.shown)
         self._points(ui, context, look)
         ui.begin_disabled(look == Look())
         if ui.button("Back to the scan's look"):
@@ -156,12 +157,6 @@ class Colours(Tool):
             self._change(context, name, **{name: float(value)})
         if ui.is_item_deactivated():
             context.session.work.history.end_gesture()
-
-    def _tones(self, ui: Any, context: ToolContext, look: Look) -> None:
-        self._slider(ui, context, "exposure", -EXPOSURE_RANGE, EXPOSURE_RANGE, "%+.2f stops")
-        self._slider(ui, context, "brightness", -1.0, 1.0, "%+.2f")
-        self._slider(ui, context, "temperature", -1.0, 1.0, "%+.2f")
-        self._slider(ui, context, "tint", -1.0, 1.0, "%+.2f")
 
     def _points(self, ui: Any, context: ToolContext, look: Look) -> None:
         off = context.session.view_settings.shown_settings.view not in POINT_VIEWS

@@ -1,8 +1,8 @@
 """Networks that settings ask for: which are there, which may stand in for them in flight, and their loading."""
 
-from ....model.network.qualities import stand_ins
+from ....model.network.qualities import QUALITIES, stand_ins
 from ....model.network.weights_folder import weights_file
-from ...picture.settings import QUALITIES, Settings
+from ...picture.settings import Settings
 
 
 def network_key(settings: Settings) -> tuple:
