@@ -24,10 +24,11 @@ from .doctor_probes import GB, PROBES, item
 
 LIBRARIES = (
     "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
-    "platformdirs", "plyfile", "pye57", "pyproj", "safetensors", "scipy", "torch", "tqdm", "zstandard",
+    "platformdirs", "pye57", "pyproj", "safetensors", "scipy", "torch", "tqdm", "zstandard",
 )  # fmt: skip
 """Dependencies in pyproject.toml, for a checkout that is run without being installed."""
-OPTIONAL = ("cuda-core", "cuda-bindings")
+OPTIONAL = ("cuda-core", "cuda-bindings", "flip-evaluator", "plyfile", "tensorboard")
+"""Libraries of the extras cuda and lab: named where they are installed."""
 _LOOP = "raster_loops.*.nbi"
 """Of the loops that a first picture compiles, those that take longest."""
 _SECONDS = 120

@@ -2,6 +2,9 @@
 
 from .printable import printable
 
+INSTALL_LAB = "pip install 'pointglass[lab]'"
+"""Installs the libraries that only training and the evaluation of rooms use."""
+
 
 class PointglassError(Exception):
     """A failure that is reported to the user in one line.

@@ -37,8 +37,3 @@ def labelled_row(pictures: Sequence[np.ndarray], labels: Sequence[str], title: s
         parts += [np.concatenate([picture, text_line(label, picture.shape[1])]), spacer]
     row = np.concatenate(parts, axis=1)
     return np.concatenate([text_line(title, row.shape[1]), row]) if title else row
-
-
-def stacked(rows: Sequence[np.ndarray]) -> np.ndarray:
-    """Rows (., W, 3) uint8 of equal width, from top to bottom in one picture."""
-    return np.concatenate(list(rows))

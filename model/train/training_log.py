@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from ..common.errors import INSTALL_LAB
 from ..common.files.folders import replace_text
 
 EVERY = 50
@@ -35,7 +36,7 @@ class TrainingLog:
 
                 self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
             except ImportError:
-                print("TensorBoard is not installed: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
+                print(f"TensorBoard is not installed: scalars go to log.jsonl only ({INSTALL_LAB})", flush=True)
 
     def __enter__(self) -> "TrainingLog":
         return self

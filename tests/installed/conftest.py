@@ -20,6 +20,9 @@ def installed(tmp_path_factory) -> Installed:
     [site] = (folder / "env" / "lib").glob("python*/site-packages")
     others = [path for path in sys.path if path.endswith("-packages") and Path(path).is_dir()]
     (site / "packages.pth").write_text("".join(f"{path}\n" for path in others))
+    # The basic installation is what is tested: the libraries of the extra lab are absent.
+    absent = ("flip_evaluator", "plyfile", "tensorboard")
+    (site / "without_lab.pth").write_text(f"import sys; sys.modules.update(dict.fromkeys({absent}))\n")
     python = folder / "env" / "bin" / "python"
     subprocess.run([sys.executable, "-m", "pip", "--python", python, "install", "-q", "--no-index", "--no-deps", "--no-compile",
                     "--ignore-installed", "--disable-pip-version-check", wheel], check=True, timeout=240)

@@ -1,5 +1,6 @@
 """ScanNet++ folders as training data: reading, refusals and pairs."""
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -105,6 +106,13 @@ def test_unusable_scannetpp_folders_are_refused_before_training(scannetpp):
     with pytest.raises(DataError) as refused:
         load_scannetpp(scannetpp, "aa11bb22cc")
     assert str(refused.value).count("is missing") == 10 and "and 4 more" in str(refused.value)
+
+
+def test_without_the_library_of_the_lab_a_mesh_is_refused_with_the_remedy(scannetpp, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plyfile", None)
+    with pytest.raises(DataError, match=r"plyfile, .* is not installed; `pip install 'pointglass\[lab\]'`") as caught:
+        load_scannetpp(scannetpp, "aa11bb22cc")
+    assert "\n" not in str(caught.value)
 
 
 def test_truncated_scannetpp_scans_and_poses_are_refused(scannetpp):

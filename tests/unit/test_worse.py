@@ -72,7 +72,7 @@ def test_flip_agrees_with_what_is_known_of_it():
 def test_without_the_package_the_others_judge(monkeypatch, room):
     monkeypatch.setattr(scene_module, "flip_metric", lambda: None)
     result = scene_module.evaluate(room, densities=(1.0,), views=1, fast=True)
-    assert "pip install flip-evaluator" in result["absent"]["FLIP"] and np.isnan(result["rows"][0]["flip"])
+    assert "pip install 'pointglass[lab]'" in result["absent"]["FLIP"] and np.isnan(result["rows"][0]["flip"])
 
 
 def test_a_network_is_counted_against_what_goes_into_it(room, monkeypatch):

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...model.reference.soft_z import SOFT_RELATIVE, SoftZ
-from ..picture.camera import Camera
 from ..picture.settings import Settings
 from ..render.renderer import Renderer
 
@@ -31,9 +30,8 @@ class Approximation:
     """One row of the table.
 
     view: the picture that is compared.  settings: of the approximate frame.  scale: of the picture's sides; the result is
-    enlarged for the comparison.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8:
-    whether the network is quantised.  whole: whether the network runs on the background too.  against: quality of the exact
-    frame's network.
+    enlarged for the comparison.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.
+    whole: whether the network runs on the background too.  against: quality of the exact frame's network.
     """
 
     group: str
@@ -43,7 +41,6 @@ class Approximation:
     scale: float = 1.0
     bits: int = 16
     soft: float | None = None
-    int8: bool = False
     whole: bool = False
     against: str = EXACT.quality
 
@@ -51,7 +48,7 @@ class Approximation:
 def approximations(qualities: list[str], precisions: list[str], weighted: bool = False) -> list[Approximation]:
     """The table.
 
-    qualities: of the networks with weights, first that of the exact frame.  precisions: those of this machine, and int8.
+    qualities: of the networks with weights, first that of the exact frame.  precisions: those of this machine.
     weighted: whether the scan has scanner positions, and with them view-dependent blending.
     """
     first = qualities[0]
@@ -66,8 +63,7 @@ def approximations(qualities: list[str], precisions: list[str], weighted: bool =
         *([Approximation("stations", "all points alike", settings=replace(EXACT, stations="equal"))] if weighted else []),
         *(Approximation("internal resolution", f"{s:.0%} of each side", view="neural", settings=network, scale=s)
           for s in (0.75, 0.5)),
-        *(Approximation("precision", p, view="neural", int8=p == "int8",
-                        settings=network if p == "int8" else replace(network, precision=p)) for p in precisions),
+        *(Approximation("precision", p, view="neural", settings=replace(network, precision=p)) for p in precisions),
         *(Approximation("network", q, view="neural", settings=replace(network, quality=q)) for q in qualities[1:]),
         Approximation("network", "none: filled", view="neural", settings=replace(EXACT, view="filled")),
         Approximation("background", "computed by the network, too", view="neural", settings=network, whole=True),
@@ -112,17 +108,6 @@ class BenchRenderer(Renderer):
         quality, filtered, weights, precision, _ = stage.key
         stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)  # type: ignore[assignment]
         return stage
-
-    def network_input(self, camera: Camera, settings: Settings):
-        """(H, W, 8) half: the network's packed input for a camera."""
-        import torch
-
-        from ...model.network.network_layout import PACKED_IN
-
-        self.render(camera, settings, views=("neural",))
-        assert self._neural is not None
-        packed = np.frombuffer(self._neural.bridge.input.read(), np.float16).copy()
-        return torch.from_numpy(packed).reshape(camera.height, camera.width, PACKED_IN)
 
 
 def coarser(scene: "Scene", bits: int) -> "Scene":

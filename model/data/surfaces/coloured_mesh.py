@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...common.errors import DataError
+from ...common.errors import INSTALL_LAB, DataError
 from ..dataset import FAR, Scan
 
 _LISTS = {"face": {"vertex_indices": 3, "vertex_index": 3}}
@@ -51,8 +51,10 @@ def read_mesh(path: Path) -> ColouredMesh:
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     """Rows of vertices and faces, memory-mapped where possible."""
-    from plyfile import PlyData, PlyParseError
-
+    try:
+        from plyfile import PlyData, PlyParseError
+    except ImportError:
+        raise DataError(f"{path}: plyfile, which reads meshes, is not installed; `{INSTALL_LAB}`") from None
     try:
         data = PlyData.read(str(path), mmap="r", known_list_len=_LISTS)
     except (PlyParseError, UnicodeDecodeError) as error:

@@ -9,10 +9,12 @@ from collections.abc import Callable
 import numpy as np
 from torch import Tensor
 
+from ...common.errors import INSTALL_LAB
+
 FlipTo = Callable[[Tensor, Tensor], float]
 """(truth, picture), both (3, H, W) sRGB in 0..1 -> mean FLIP, 0 (equal) to 1."""
 
-ABSENT = "flip-evaluator is not installed; `pip install flip-evaluator`"
+ABSENT = f"flip-evaluator is not installed; `{INSTALL_LAB}`"
 """Message if the package is not installed."""
 
 

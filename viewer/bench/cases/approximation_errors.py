@@ -133,25 +133,15 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
     from ....model.network.weights_folder import shipped_qualities
     from ...render.device.context import create_context
     from ...render.network.neural import load_network
-    from ..int8 import Int8Error, quantised
 
     if only is not None:  # before anything is loaded
-        _check_group(only, approximations(list(QUALITIES), ["bf16", "int8"], True))
+        _check_group(only, approximations(list(QUALITIES), ["bf16"], True))
     scene = subject.scene()
     context = create_context()
     exact = BenchRenderer(context, scene, device="cpu")
     cameras = named_views(scene, size)
     qualities = sorted(shipped_qualities(), key=lambda quality: quality != DEFAULT)  # the default first
     precisions = [p for p in ("bf16", "fp16") if p == fast_precision("cpu") or p == "fp16"]
-    left_out: list[str] = []
-    int8 = None
-    try:
-        first = replace(EXACT, view="neural", quality=qualities[0])
-        packed = exact.network_input(cameras[0], first)
-        int8 = quantised(load_network(qualities[0], True, None, "fp32", "cpu"), packed)
-        precisions.append("int8")
-    except Int8Error as error:
-        left_out.append(f"int8: {error}")
     table = approximations(qualities, precisions, stations_differ(scene.station_places))
     if only is not None:
         _check_group(only, table)
@@ -163,7 +153,7 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
         found.append({"group": "exact", "name": "against the float64 reference", "view": "filled", **vars(cost)})
         for row in table:
             other = exact if row.bits == 16 else BenchRenderer(context, coarser(scene, row.bits), device="cpu")
-            network = int8 if row.int8 else whole if row.whole else None
+            network = whole if row.whole else None
             cost = measure(exact, other, row, cameras, repeats, lambda: meter.update(1), network)
             if other is not exact:
                 other.release()
@@ -173,7 +163,7 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
     context.release()
     return {
         **facts, "size": list(size), "cameras": [camera.name for camera in cameras], "repeats": repeats,
-        "network": f"{qualities[0]} in fp32", "left_out": left_out, "front": front(found), "rows": found,
+        "network": f"{qualities[0]} in fp32", "front": front(found), "rows": found,
     }
 
 
@@ -208,7 +198,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
          + ("   *" if f"{row['group']}: {row['name']}" in best else ""))
         for row in result["rows"]
     ]
-    return [*out, ("*", UNBEATEN), *(("left out", why) for why in result["left_out"])]
+    return [*out, ("*", UNBEATEN)]
 
 
 def plot(result: dict, path: Path) -> None:
