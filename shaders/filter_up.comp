@@ -4,7 +4,9 @@
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D level;   // as filter_down.comp writes it
+#ifndef TOP
 uniform sampler2D coarse;  // thresholds of the next coarser level
+#endif
 layout(r32f, binding = 0) uniform writeonly image2D threshold;
 uniform vec3 tolerance;    // as in hiding_threshold
 uniform int mirror;        // 1: the picture is mirrored at its border; 0: it is empty beyond it

@@ -4,7 +4,9 @@
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;
 uniform sampler2D depth;     // view-space z, +inf where there is no point
-uniform sampler2D mask;      // MASKED: pixels that count
+#ifdef MASKED
+uniform sampler2D mask;      // pixels that count
+#endif
 uniform isampler2D offsets;  // from a point to the pixels of its disc, the point itself first
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 layout(r32f, binding = 1) uniform writeonly image2D nearest;

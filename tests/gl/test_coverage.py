@@ -92,7 +92,7 @@ def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context,
     bridge.output.write(made)
     shown_bridge = bridge if copied else SimpleNamespace(output=bridge.output)
     stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture,
-                            _unpack=programs.compute("network_output.comp", COPIED=copied))  # fmt: skip
+                            _unpack=neural.unpacking(programs, copied=copied is not None))  # fmt: skip
     try:
         neural.NeuralStage.present(stage, filled)  # type: ignore[arg-type]
         shown = np.frombuffer(picture.read(), np.uint8).reshape(made.shape)

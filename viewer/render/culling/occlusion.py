@@ -16,17 +16,18 @@ import contextlib
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import moderngl
 import numpy as np
 
 from ...common.errors import DeviceError
 from ...grid.cell_boxes import SHARE_BITS
-from ..device import shader
+from ..device.compute_pass import MAX_GROUPS, Pass
 from ..device.gpu_buffers import Grown
 from ..device.read_ring import make_ring
-from ..device.shader import BINDINGS
+from ..device.shader import BINDINGS, Programs
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
 LAG = {True: 1, False: 2}
 """Frames back of the visibility that a frame uses, in software OpenGL, which is done with a frame when it is submitted, and on
 a GPU."""
-MAX_GROUPS = 32768
-"""Workgroups along x of a dispatch: half of the 65,535 that OpenGL guarantees, and a power of two."""
 WORTH = 4
 """Points to be drawn, per pixel of the picture, below which occlusion culling costs more than it saves."""
 BLOCK_SHIFT = 2
@@ -137,7 +136,7 @@ class HiddenCells:
     rows: batches that one of its workgroups takes.  lag: how many frames back the flags are that a frame uses.
     """
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], rows: int, lag: int):
+    def __init__(self, programs: Programs, size: tuple[int, int], rows: int, lag: int):
         context = programs.context
         self.context, self.size = context, size
         side = 1 << BLOCK_SHIFT
@@ -153,13 +152,20 @@ class HiddenCells:
         self._flags = Grown(context, orphans=orphans)
         self._commands = Grown(context, orphans=orphans)
         self._appended = Grown(context)
-        shared = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
-        cells = {"CELLS_A_GROUP": _CELLS_A_GROUP}
-        test = {"TEXELS": TEXELS, "SHARE_BITS": SHARE_BITS, **shared, **cells}
-        self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
-        self._reduce = programs.compute("occlusion_reduce.comp", **shared)
-        self._test = programs.compute("occlusion_test.comp", **test)
-        self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, ROWS=rows, **cells)
+        shared: dict[str, Any] = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
+        cells: dict[str, Any] = {"CELLS_A_GROUP": _CELLS_A_GROUP}
+        test: dict[str, Any] = {"TEXELS": TEXELS, "SHARE_BITS": SHARE_BITS, **shared, **cells}
+        named = partial(Pass, programs)
+        self._blocks = named("occluding blocks", "occlusion_blocks.comp", inputs=("gaps",), buffers=("KEYS", "PYRAMID"),
+                             uniforms=("blocks",), BLOCK_SHIFT=BLOCK_SHIFT)  # fmt: skip
+        self._reduce = named("occlusion pyramid", "occlusion_reduce.comp", buffers=("PYRAMID",), uniforms=("levels", "level"),
+                             **shared)  # fmt: skip
+        self._test = named("occlusion test", "occlusion_test.comp", buffers=("CELLS", "PYRAMID", "FLAGS", "COMMANDS"),
+                           uniforms=("levels", "cell_count", "tally"), **test)  # fmt: skip
+        self._append = named("batches of visible cells", "occlusion_append.comp",
+                             buffers=("BATCHES", "APPENDED", "FLAGS", "COMMANDS"),
+                             uniforms=("page", "first_batch", "batch_count", "tally"),
+                             MAX_GROUPS=MAX_GROUPS, ROWS=rows, **cells)  # fmt: skip
         self.lag = lag
         self._ring = make_ring(context, lag + 2)
         self._words = np.zeros(0, np.uint32)
@@ -203,45 +209,29 @@ class HiddenCells:
 
     def build(self, keys: moderngl.Buffer, history: "History") -> None:
         """Builds the pyramid from the depth drawn so far."""
-        history.closing(keys).use(0)
-        keys.bind_to_storage_buffer(BINDINGS["KEYS"])
-        self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
-        self._blocks["gaps"] = 0
-        self._blocks["blocks"] = self._sizes[0]
-        self._blocks.run(*shader.groups(*self._sizes[0]))
-        self.context.memory_barrier()
-        self._reduce["levels"] = self._levels
+        self._blocks.run(inputs={"gaps": history.closing(keys)}, buffers={"KEYS": keys, "PYRAMID": self._pyramid},
+                         over=self._sizes[0], blocks=self._sizes[0])  # fmt: skip
+        self._reduce.tell(levels=self._levels)
+        pyramid = {"PYRAMID": self._pyramid}
         for level in range(1, len(self._sizes)):
-            self._reduce["level"] = level
-            self._reduce.run(*shader.groups(*self._sizes[level]))
-            self.context.memory_barrier()
+            self._reduce.run(buffers=pyramid, over=self._sizes[level], level=level)
 
     def test(self, cells: moderngl.Buffer) -> None:
         """Tests the cells: which are drawn now, and which first in a later frame."""
-        program = self._test
-        cells.bind_to_storage_buffer(BINDINGS["CELLS"])
-        self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
-        self._flags.buffer.bind_to_storage_buffer(BINDINGS["FLAGS"])
-        program["levels"] = self._levels
-        program["cell_count"] = self._visible
-        self._commands.buffer.bind_to_storage_buffer(BINDINGS["COMMANDS"])
-        program["tally"] = 4 * self._pages
-        _run(program, self._visible)
+        self._test.run_groups(
+            -(-self._visible // _CELLS_A_GROUP), levels=self._levels, cell_count=self._visible, tally=4 * self._pages,
+            buffers={"CELLS": cells, "PYRAMID": self._pyramid, "FLAGS": self._flags.buffer, "COMMANDS": self._commands.buffer})
         self.context.memory_barrier()
 
     def append(self, batches: moderngl.Buffer, bounds: np.ndarray) -> None:
         """Lists the batches of visible cells.  bounds: (2 pages + 1,); the second of each pair: batches not drawn yet."""
-        program = self._append
-        batches.bind_to_storage_buffer(BINDINGS["BATCHES"])
-        self._appended.buffer.bind_to_storage_buffer(BINDINGS["APPENDED"])
-        self._flags.buffer.bind_to_storage_buffer(BINDINGS["FLAGS"])
-        self._commands.buffer.bind_to_storage_buffer(BINDINGS["COMMANDS"])
-        program["tally"] = 4 * self._pages
+        buffers = {"BATCHES": batches, "APPENDED": self._appended.buffer, "FLAGS": self._flags.buffer,
+                   "COMMANDS": self._commands.buffer}  # fmt: skip
         for page in range(self._pages):
             start, stop = int(bounds[2 * page + 1]), int(bounds[2 * page + 2])
             if stop > start:
-                program["page"], program["first_batch"], program["batch_count"] = page, start, stop - start
-                _run(program, stop - start)
+                self._append.run_groups(-(-(stop - start) // _CELLS_A_GROUP), buffers=buffers, page=page, first_batch=start,
+                                        batch_count=stop - start, tally=4 * self._pages)  # fmt: skip
         self.context.memory_barrier()
 
     def draw(self, program: moderngl.ComputeShader, points: moderngl.Buffer, page: int, first: int) -> None:
@@ -273,13 +263,6 @@ class HiddenCells:
                 self._tallies[serial] = self.tally(serial)
         for resource in (self._ring, self._pyramid, self._flags.buffer, self._commands.buffer, self._appended.buffer):
             resource.release()
-
-
-def _run(program: moderngl.ComputeShader, count: int) -> None:
-    groups = -(-count // _CELLS_A_GROUP)
-    if groups:
-        across = min(groups, MAX_GROUPS)
-        program.run(across, -(-groups // across), 1)
 
 
 def worthwhile(draw: "DrawList", size: tuple[int, int]) -> bool:

@@ -1,14 +1,7 @@
 """Runs shaders/self_test.comp, by which `pointglass doctor` and every new bridge check compute passes and buffers."""
 
-from typing import Protocol
-
+from .compute_pass import Storage
 from .shader import Programs
-
-
-class Storage(Protocol):
-    """A storage buffer, or a part of one."""
-
-    def bind_to_storage_buffer(self, binding: int = 0) -> None: ...
 
 
 def run_self_test(programs: Programs, mode: int, source: Storage, target: Storage, count: int) -> None:

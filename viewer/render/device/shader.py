@@ -6,7 +6,9 @@ shader as ``#define``s.
 """
 
 import re
+from collections.abc import Callable
 from functools import cache
+from typing import NoReturn
 
 import moderngl
 
@@ -60,6 +62,11 @@ def _expand(name: str, files: list[str]) -> list[str]:
     return out
 
 
+def expanded(name: str) -> list[str]:
+    """The lines of a shader with its includes in place."""
+    return _expand(name, [])
+
+
 def source(name: str, defines: dict[str, object] | None = None) -> tuple[str, list[str]]:
     """Full text of a shader and the names behind its file numbers.  Floats among the defines keep all their digits."""
     constants: dict[str, object] = {f"{key}_BINDING": value for key, value in BINDINGS.items()}
@@ -84,6 +91,7 @@ class Programs:
     def __init__(self, context: "moderngl.Context"):
         self.context = context
         self._made: dict[tuple, moderngl.ComputeShader | moderngl.Program] = {}
+        self._units: dict[int, dict[str, int]] = {}  # of the samplers, by program
 
     def compute(self, name: str, **defines: object) -> "moderngl.ComputeShader":
         """A compute program from ``shaders/name``.  Raises DeviceError naming file and line."""
@@ -95,6 +103,17 @@ class Programs:
             except moderngl.Error as error:
                 raise _explain(error, [files]) from None
         return self._made[key]  # type: ignore[return-value]
+
+    def agree_on_units(self, program: "moderngl.ComputeShader", units: dict[str, int],
+                       refuse: Callable[[list[str], str], NoReturn]) -> None:
+        """Gives the samplers of a program their texture units, once; calls ``refuse`` where they have others."""
+        before = self._units.setdefault(program.glo, units)
+        if before is units:
+            for name, unit in units.items():
+                if name in program:
+                    program[name] = unit
+        elif before != units:
+            refuse([*units], "has other units in another pass of the program")
 
     def drawing(self, vertex: str, fragment: str, **defines: object) -> "moderngl.Program":
         """A vertex and fragment program.  Raises DeviceError naming file and line."""
@@ -113,6 +132,7 @@ class Programs:
         for made in self._made.values():
             made.release()
         self._made.clear()
+        self._units.clear()
 
 
 def groups(width: int, height: int) -> tuple[int, int, int]:

@@ -17,6 +17,7 @@ from ....model.network.reconstruct import Reconstructor, cuda_problem
 from ....model.network.weights import WeightsError
 from ...common.errors import DeviceError, DeviceLostError, InputError
 from ..device import shader
+from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
 from ..device.match_device import use_matching_device
@@ -55,6 +56,13 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
     return _networks[key]
 
 
+def unpacking(programs: shader.Programs, *, copied: bool) -> Pass:
+    """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer."""
+    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural",),
+                inputs=("filled", "copied") if copied else ("filled",), buffers=() if copied else ("NETWORK",),
+                COPIED=1 if copied else None)  # fmt: skip
+
+
 class NeuralStage:
     """Owns the bridge and the picture for one size, quality and device, and on CUDA the network's graph for that size.
 
@@ -89,8 +97,7 @@ class NeuralStage:
             if failure := device_failure(error):
                 raise failure from error
             raise
-        copied = 1 if isinstance(self.bridge, ReadBackBridge) else None
-        self._unpack = programs.compute("network_output.comp", COPIED=copied)
+        self._unpack = unpacking(programs, copied=isinstance(self.bridge, ReadBackBridge))
         self.picture = self.context.texture(size, 4, dtype="f1")
 
     @property
@@ -194,15 +201,9 @@ class NeuralStage:
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
         if isinstance(self.bridge, ReadBackBridge):
-            self.bridge.output_texture().use(1)
-            self._unpack["copied"] = 1
+            self._unpack.run(self.picture, inputs={"filled": filled, "copied": self.bridge.output_texture()})
         else:
-            self.bridge.output.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
-        filled.use(0)
-        self._unpack["filled"] = 0
-        self.picture.bind_to_image(0, read=False, write=True)
-        self._unpack.run(*shader.groups(*self.picture.size))
-        self.context.memory_barrier()
+            self._unpack.run(self.picture, inputs={"filled": filled}, buffers={"NETWORK": self.bridge.output})
 
     def release(self) -> None:
         self._thread.close()

@@ -4,17 +4,19 @@ Passes over the textures of a Frame; what is not asked for does not run.  Refere
 viewer.picture.provenance_tint.  Pictures are RGBA8, premultiplied, row 0 at the top.
 """
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ...picture import provenance_tint
 from ...picture.look import EDL_GAIN, Look, disc, tone_curves
 from ...picture.views import VIEWS
-from ..device import shader
+from ..device.compute_pass import Pass
 
 if TYPE_CHECKING:
     import moderngl
+
+    from ..device.shader import Programs
 
 _MASKED, _REPAINTED = 1, 2
 """Of look_provenance.comp: some pixels are not measured; and the measured ones are repainted."""
@@ -41,13 +43,14 @@ class Rendered(Protocol):
 class Developer:
     """Owns two targets and the tables of one picture size."""
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
         context = programs.context
         self.context, self.size, self._programs = context, size, programs
         self._targets = [context.texture(size, 4, dtype="f1") for _ in range(2)]
         self._depth = context.texture(size, 1, dtype="f4")
         self._curves = context.texture((256, 1), 4, dtype="u1", alignment=1)
         self._offsets: moderngl.Texture | None = None
+        self._passes: dict[tuple[str, ...], Pass] = {}
         self._disc = 0  # size of the disc in _offsets
         self._look: Look | None = None  # whose curves are uploaded
 
@@ -59,7 +62,7 @@ class Developer:
         picture, depth, mask = frame.textures[view], frame.depth_texture, frame.mask_texture
         measured = frame.textures.get("filtered", picture)
         if lock and view == "neural" and mask is not None:
-            picture = self._pass("look_lock.comp", {"picture": picture, "measured": measured, "mask": mask})
+            picture = self._run("look_lock.comp", {"picture": picture, "measured": measured, "mask": mask})
         if VIEWS[view].shows_points and look.shapes_points:
             picture = self._shaped(picture, depth, mask if view == "filtered" else None, look)
         if tint:
@@ -67,15 +70,15 @@ class Developer:
             colours = [provenance_tint.COLOURS[key] for key in sorted(provenance_tint.COLOURS)]
             passes = VIEWS[view].passes
             kind = _REPAINTED if "network" in passes else _MASKED if "filter" in passes else 0
-            return self._pass("look_provenance.comp", inputs, {"kind": kind, "colours": colours},
-                              FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT)
+            return self._run("look_provenance.comp", inputs, {"kind": kind, "colours": colours},
+                             FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT)
         if look.develops:
             if look != self._look:
                 curves = np.zeros((256, 4), np.uint8)
                 curves[:, :3] = tone_curves(look)
                 self._curves.write(curves.tobytes())
                 self._look = look
-            picture = self._pass("look_tone.comp", {"picture": picture, "curves": self._curves})
+            picture = self._run("look_tone.comp", {"picture": picture, "curves": self._curves})
         return picture
 
     def _shaped(self, picture: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture | None",
@@ -88,26 +91,22 @@ class Developer:
             self._offsets = self.context.texture((len(offsets), 1), 2, offsets.tobytes(), dtype="i4")
             self._disc = look.point_size
         inputs = {"picture": picture, "depth": depth, "offsets": self._offsets} | ({"mask": mask} if mask is not None else {})
-        self._depth.bind_to_image(1, read=False, write=True)
-        picture = self._pass("look_points.comp", inputs, MASKED=1 if mask is not None else None)
+        picture = self._run("look_points.comp", inputs, more={"nearest": self._depth}, MASKED=1 if mask is not None else None)
         if look.edl > 0:
             settings = {"gain": EDL_GAIN * look.edl, "radius": eye_dome_radius(self.size[1])}
-            picture = self._pass("look_eye_dome.comp", {"picture": picture, "depth": self._depth}, settings)
+            picture = self._run("look_eye_dome.comp", {"picture": picture, "depth": self._depth}, settings)
         return picture
 
-    def _pass(self, name: str, inputs: "dict[str, moderngl.Texture]", settings: dict | None = None,
-              **defines: object) -> "moderngl.Texture":
-        program = self._programs.compute(name, **defines)
+    def _run(self, shader: str, inputs: "dict[str, moderngl.Texture]", uniforms: "dict[str, Any] | None" = None, *,
+             more: "dict[str, moderngl.Texture] | None" = None, **defines: Any) -> "moderngl.Texture":
+        """Runs a pass into the target that is none of its inputs, and into ``more``."""
+        uniforms, more = uniforms or {}, more or {}
+        key = (shader, *inputs)
+        if key not in self._passes:
+            self._passes[key] = Pass(self._programs, "development", shader, outputs=("result", *more), inputs=tuple(inputs),
+                                     uniforms=tuple(uniforms), **defines)  # fmt: skip
         target = self._targets[0] if all(texture is not self._targets[0] for texture in inputs.values()) else self._targets[1]
-        for unit, (key, texture) in enumerate(inputs.items()):
-            if key in program:
-                texture.use(unit)
-                program[key] = unit
-        for key, value in (settings or {}).items():
-            program[key] = value
-        target.bind_to_image(0, read=False, write=True)
-        program.run(*shader.groups(*self.size))
-        self.context.memory_barrier()
+        self._passes[key].run(target, *more.values(), inputs=inputs, **uniforms)
         return target
 
     def release(self) -> None:

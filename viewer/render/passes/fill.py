@@ -4,28 +4,32 @@
 pixel, channels last, in a storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp).
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import moderngl
 
 from ....model.network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from ....model.reference.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
 from ..culling.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
-from ..device import shader
+from ..device.compute_pass import Pass
 from .filter import level_sizes
 from .hole_test import HoleTest
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
-    from ..device.self_test import Storage
+    from ..device.compute_pass import Storage
+    from ..device.shader import Programs
 
 INPUT_BYTES = 16  # a pixel
-_CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
-_BACKGROUND = {
+_CONSTANTS: dict[str, Any] = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
+_BACKGROUND: dict[str, Any] = {
     "BACKGROUND": 1, "EMPTY_FEATURE": EMPTY_FEATURE, "NEARER_SCALE": NEARER_SCALE, "NEARER_START": NEARER_START,
     "WIDER_SCALE": WIDER_SCALE,
 }  # fmt: skip
+
+_PULLED, _PUSHED = ("coarse_value", "coarse_weight", "coarse_noise"), ("out_value", "out_noise")
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Fill:
     """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 where there is background) and, where
     asked, the network's input."""
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
         context = programs.context
         self.context, self.size = context, size
         levels = max(1, (max(size) - 1).bit_length())
@@ -53,7 +57,7 @@ class Fill:
         self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
         self._noise: _Noise | None = None  # made when a noise level is first given
         self._programs = programs
-        self._compiled: dict[tuple, moderngl.ComputeShader] = {}
+        self._passes: dict[tuple, Pass] = {}
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             around: Directions, spacing: float, network: "Storage | None" = None,
@@ -70,15 +74,15 @@ class Fill:
         if view not in (CLOSED, SEALED):  # else no direction in view is background, and the hole test is not needed
             self._hole_test.run(camera, around.occupancy)
         self._closed.write(around.closed)
-        if network is not None:
-            network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
-        push = self._program("fill_picture.comp", base=True, noise=noise is not None, NETWORK=None if network is None else 1,
-                             ALIKE=view, SEALED=SEALED)
+        inputs = {**base, **coarse, "holes": self._hole_test.holes, "whole_weight": self._weights[-1]}
+        uniforms: dict[str, Any] = {"feature_scale": feature_scale, "coarse_is_sum": is_sum}
         if view is None:
-            push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
-            push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        inputs = {**base, **coarse, "holes": self._hole_test.holes, "closed": self._closed}
-        self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale=feature_scale, coarse_is_sum=is_sum)
+            inputs["closed"] = self._closed
+            uniforms["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+            uniforms["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
+        push = self._pass("fill_picture.comp", ("filled",), inputs, uniforms, base=True, noise=noise is not None,
+                          writes=network is not None, ALIKE=view, SEALED=SEALED)
+        push.run(self.filled, inputs=inputs, buffers={} if network is None else {"NETWORK": network}, **uniforms)
 
     def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
         """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0."""
@@ -88,16 +92,23 @@ class Fill:
         for level, noise in zip(levels, carried.values, strict=False):
             level["noise"] = noise
         for index, level in enumerate(levels):  # the children's level; ``levels`` starts at level 1
-            pull = self._program("fill_pull.comp", base=index == 0, noise=noisy, background=index >= FIRST_LEVEL)
-            self._pass(pull, level["value"].size, list(level.values()), levels[index - 1] if index else base,
-                       feature_scale=feature_scale, wider_offset=wider_offset(index))  # fmt: skip
+            below, background = levels[index - 1] if index else base, index >= FIRST_LEVEL
+            uniforms: dict[str, Any] = {} if index else {"feature_scale": feature_scale}
+            if background:
+                uniforms["wider_offset"] = wider_offset(index)
+            pull = self._pass("fill_pull.comp", _PULLED[: len(level)], below, uniforms, base=index == 0, noise=noisy,
+                              background=background)
+            pull.run(*level.values(), inputs=below, **uniforms)
         coarse, is_sum = {"coarse": self._values[-1]} | ({"coarse_noise": carried.values[-1]} if noisy else {}), 1
         for index in range(len(self._pushed) - 1, -1, -1):
             above = index + 2  # the level of ``coarse``
-            push = self._program("fill_push.comp", noise=noisy, background=above >= FIRST_LEVEL)
             made = {"coarse": self._pushed[index]} | ({"coarse_noise": carried.pushed[index]} if noisy else {})
-            self._pass(push, self._pushed[index].size, list(made.values()), {**coarse, **levels[index]},
-                       coarse_is_sum=is_sum, wider_offset=wider_offset(above))  # fmt: skip
+            inputs = {**coarse, **levels[index], "whole_weight": self._weights[-1]}
+            uniforms = {"coarse_is_sum": is_sum}
+            if background := above >= FIRST_LEVEL:
+                uniforms["wider_offset"] = wider_offset(above)
+            push = self._pass("fill_push.comp", _PUSHED[: len(made)], inputs, uniforms, noise=noisy, background=background)
+            push.run(*made.values(), inputs=inputs, **uniforms)
             coarse, is_sum = made, 0
         return coarse, is_sum
 
@@ -107,28 +118,17 @@ class Fill:
             self._noise = _Noise(*([self.context.texture(t.size, 1, dtype="f4") for t in textures] for textures in like))
         return self._noise
 
-    def _program(self, name: str, *, base: bool = False, noise: bool = False, background: bool = False,
-                 **defines: object) -> moderngl.ComputeShader:
-        """A pass, compiled when it is first needed."""
-        key = (name, base, noise, background, *defines.values())
-        if key not in self._compiled:
+    def _pass(self, shader: str, outputs: Sequence[str], inputs: Iterable[str], uniforms: Iterable[str], *, base: bool = False,
+              noise: bool = False, background: bool = False, writes: bool = False, **defines: object) -> Pass:
+        """A pass, made when it is first needed.  writes: the network's input."""
+        key = (shader, base, noise, background, writes, *defines.values())
+        if key not in self._passes:
             constants = (_CONSTANTS if base else {}) | (_BACKGROUND if background else {})
-            self._compiled[key] = self._programs.compute(name, BASE=base or None, NOISE=noise or None, **constants, **defines)
-        return self._compiled[key]
-
-    def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
-              inputs: dict[str, moderngl.Texture], **uniforms: float) -> None:
-        for unit, (name, texture) in enumerate({**inputs, "whole_weight": self._weights[-1]}.items()):
-            if name in program:
-                texture.use(unit)
-                program[name] = unit
-        for unit, texture in enumerate(outputs):
-            texture.bind_to_image(unit, read=False, write=True)
-        for name, value in uniforms.items():
-            if name in program:
-                program[name] = value
-        program.run(*shader.groups(*size))
-        self.context.memory_barrier()
+            self._passes[key] = Pass(
+                self._programs, "fill", shader, outputs=outputs, inputs=tuple(inputs), uniforms=tuple(uniforms),
+                buffers=("NETWORK",) if writes else (), block=2 if outputs == ("filled",) else 1, BASE=base or None,
+                NOISE=noise or None, NETWORK=1 if writes else None, **constants, **defines)
+        return self._passes[key]
 
     def release(self) -> None:
         carried = [*self._noise.values, *self._noise.pushed] if self._noise else []

@@ -5,14 +5,16 @@ at the top; mask is R8, 1 where kept; filtered is RGBA8, all zero where not.
 """
 
 import itertools
+from functools import partial
+from typing import Any
 
 import moderngl
 
 from ....model.reference import filter_constants as constants
 from ..device import shader
-from ..device.shader import BINDINGS
+from ..device.compute_pass import Pass
 
-_SHARED = {
+_SHARED: dict[str, Any] = {
     "EMPTY": constants.EMPTY,
     "TWIST": constants.TWIST,
     "STEEPEST": constants.STEEPEST,
@@ -33,24 +35,28 @@ def level_sizes(size: tuple[int, int], levels: int) -> list[tuple[int, int]]:
     return out
 
 
-def _programs(programs: shader.Programs, preset: str) -> dict[str, moderngl.ComputeShader]:
+def _passes(programs: shader.Programs, preset: str) -> dict[str, Pass]:
+    """The passes of a preset, by their part: ``base`` writes the pictures; the others, levels of the pyramid."""
+    pictures, named = ("mask", "filtered"), f"depth filter, {preset}"
     if preset == "off":
-        return {"base": programs.compute("filter_off.comp")}
+        return {"base": Pass(programs, named, "filter_off.comp", outputs=pictures, inputs=("level", "raw"))}
     if preset == "auto":
+        down = partial(Pass, programs, f"{named}, down", "filter_down.comp", outputs=("coarse",), inputs=("fine",), **_SHARED)
+        up = partial(Pass, programs, f"{named}, up", "filter_up.comp", outputs=("threshold",), uniforms=("tolerance", "mirror"),
+                     **_SHARED)  # fmt: skip
         return {
-            "down_base": programs.compute("filter_down.comp", BASE=1, **_SHARED),
-            "down": programs.compute("filter_down.comp", **_SHARED),
-            "top": programs.compute("filter_up.comp", TOP=1, **_SHARED),
-            "up": programs.compute("filter_up.comp", **_SHARED),
-            "quads": programs.compute("filter_keep.comp", **_SHARED),
-        }
-    flavour = {"paper-code": {"PUBLISHED": 1}, "npbg++": {"NPBG": 1}}.get(preset, {})
-    made = {
-        "down": programs.compute("filter_parents_down.comp", **_SHARED),
-        "base": programs.compute("filter_parents_up.comp", BASE=1, **flavour, **_SHARED),
-    }
+            "down_base": down(BASE=1), "down": down(),
+            "top": up(inputs=("level",), TOP=1), "up": up(inputs=("level", "coarse")),
+            "base": Pass(programs, named, "filter_keep.comp", outputs=pictures, inputs=("level", "coarse", "raw"),
+                         uniforms=("tolerance",), block=2, **_SHARED),
+        }  # fmt: skip
+    flavour: dict[str, Any] = {"paper-code": {"PUBLISHED": 1}, "npbg++": {"NPBG": 1}}.get(preset, {})
+    up = partial(Pass, programs, f"{named}, up", "filter_parents_up.comp", uniforms=("tolerance", "shift_by"), **flavour,
+                 **_SHARED)  # fmt: skip
+    down = Pass(programs, f"{named}, down", "filter_parents_down.comp", outputs=("coarse",), inputs=("fine",), **_SHARED)
+    made = {"down_base": down, "down": down, "base": up(outputs=pictures, inputs=("level", "coarse", "raw"), BASE=1)}
     if preset != "npbg++":
-        made["up"] = programs.compute("filter_parents_up.comp", **flavour, **_SHARED)
+        made["up"] = up(outputs=("refilled",), inputs=("level", "coarse"))
     return made
 
 
@@ -67,76 +73,60 @@ class DepthFilter:
         pair = 2 if preset == "auto" else 1
         self._down = [context.texture(s, pair, dtype="f4") for s in sizes]
         self._up = [context.texture(s, 1, dtype="f4") for s in sizes] if preset != "npbg++" else []
-        self._programs = _programs(programs, preset)
-        self._compile = programs.compute
+        self._programs, self._passes = programs, _passes(programs, preset)
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
-        tolerance, top = self._tolerance(strength, metre), depth
+        inputs = {"level": depth, "raw": raw}
+        if self.preset != "off":
+            inputs["coarse"] = depth
         if self._down:
-            self._pass("down_base" if "down_base" in self._programs else "down", self._down[0].size, self._down[:1], fine=depth)
-            top = self._climb(strength, metre, self.levels)
-        name, size = ("quads", level_sizes(self.size, 1)[0]) if "quads" in self._programs else ("base", self.size)
-        self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
+            self._passes["down_base"].run(self._down[0], inputs={"fine": depth})
+            inputs["coarse"] = self._climb(strength, metre, self.levels)
+        self._passes["base"].run(self.mask, self.filtered, inputs=inputs, **self._limits(strength, metre))
 
-    def _tolerance(self, strength: float, metre: float, level: int = 0) -> tuple[float, float, float]:
-        """The three numbers of the uniform ``tolerance`` for this preset, and for a level of preset auto."""
+    def _limits(self, strength: float, metre: float, level: int = 0) -> dict[str, Any]:
+        """The uniforms that say how much nearer is nearer, of this preset, and of a level of preset auto."""
+        if self.preset == "off":
+            return {}
         if self.preset == "auto":
-            return constants.hiding_limits(level, strength)
+            return {"tolerance": constants.hiding_limits(level, strength)}
         edge = constants.EDGE * (metre if self.preset == "paper-code" else 1.0)
-        return 1.0 + constants.PARENT_RATIO * strength, edge, constants.NPBG_DEPTH * strength * metre
+        return {"tolerance": (1.0 + constants.PARENT_RATIO * strength, edge, constants.NPBG_DEPTH * strength * metre),
+                "shift_by": self.levels}
 
     def _climb(self, strength: float, metre: float, levels: int) -> moderngl.Texture:
         """From level 1, which exists, to coarser levels up to ``levels`` (at least 1) and back; returns the texture that level
         0 is compared with."""
         for fine, coarse in itertools.pairwise(self._down[:levels]):
-            self._pass("down", coarse.size, [coarse], fine=fine)
+            self._passes["down"].run(coarse, inputs={"fine": fine})
         top = self._down[levels - 1]
         if self.preset == "auto":
-            self._mirror("top", levels)
-            self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], self._tolerance(strength, metre, levels),
-                       level=top)
-            top = self._up[levels - 1]
+            top = self._up_to(levels, "top", {}, strength, metre)
         if self.preset in ("auto", "paper-code", "paper-text"):
-            for index in range(levels - 2, -1, -1):
-                self._mirror("up", index + 1)
-                self._pass("up", self._up[index].size, [self._up[index]], self._tolerance(strength, metre, index + 1),
-                           level=self._down[index], coarse=top)
-                top = self._up[index]
+            for level in range(levels - 1, 0, -1):
+                top = self._up_to(level, "up", {"coarse": top}, strength, metre)
         return top
 
-    def _mirror(self, name: str, level: int) -> None:
-        program = self._programs[name]
-        if "mirror" in program:
-            program["mirror"] = int(level in constants.MIRRORED)
+    def _up_to(self, level: int, part: str, coarser: dict[str, moderngl.Texture], strength: float, metre: float
+               ) -> moderngl.Texture:
+        """Makes what a level (1: the finest) is compared with; returns it."""
+        mirror = {"mirror": int(level in constants.MIRRORED)} if self.preset == "auto" else {}
+        made = self._up[level - 1]
+        self._passes[part].run(made, inputs={"level": self._down[level - 1], **coarser}, **mirror,
+                               **self._limits(strength, metre, level))  # fmt: skip
+        return made
 
     def closing(self, keys: moderngl.Buffer, *, strength: float, levels: int) -> moderngl.Texture:
         """R32F, half the size: for each 2x2 pixels the inverse depth below which ``levels`` levels would remove a point, and
         0 where they would not.  keys: nearest depths of the whole picture, as the compute rasteriser keeps them.  Only with
         preset auto; valid until the next run.
         """
-        if "down_keys" not in self._programs:  # needed only for occlusion culling
-            self._programs["down_keys"] = self._compile("filter_down.comp", FROM_KEYS=1, **_SHARED)
-        keys.bind_to_storage_buffer(BINDINGS["KEYS"])
-        self._programs["down_keys"]["size"] = self.size
-        self._pass("down_keys", self._down[0].size, self._down[:1])
+        if "down_keys" not in self._passes:  # needed only for occlusion culling
+            self._passes["down_keys"] = Pass(self._programs, "depth filter, down from keys", "filter_down.comp", FROM_KEYS=1,
+                                             outputs=("coarse",), buffers=("KEYS",), uniforms=("size",), **_SHARED)  # fmt: skip
+        self._passes["down_keys"].run(self._down[0], buffers={"KEYS": keys}, size=self.size)
         return self._climb(strength, 1.0, min(levels, self.levels))
-
-    def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
-              tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:
-        program = self._programs[name]
-        for unit, (sampler, texture) in enumerate(inputs.items()):
-            if sampler in program:
-                texture.use(unit)
-                program[sampler] = unit
-        for unit, texture in enumerate(outputs):
-            texture.bind_to_image(unit, read=False, write=True)
-        if tolerance is not None and "tolerance" in program:
-            program["tolerance"] = tolerance
-        if "shift_by" in program:
-            program["shift_by"] = self.levels
-        program.run(*shader.groups(*size))
-        self.context.memory_barrier()
 
     def release(self) -> None:
         for resource in (self.mask, self.filtered, *self._down, *self._up):

@@ -1,6 +1,7 @@
 """Hole test: which empty pixels of a picture are holes, and which are background.  Reference:
 ``model/reference/hole_test.py``."""
 
+from functools import partial
 from math import log2
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from ....model.reference.hole_constants import (
 )
 from ....model.reference.ray_march import RAY_BLOCK
 from ..culling import occupancy as lattice
-from ..device import shader
+from ..device.compute_pass import Pass
 from .filter import level_sizes
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from ...picture.camera import Camera
     from ..culling.occupancy import Occupancy
+    from ..device.shader import Programs
 
 _RAY_LEVELS = int(log2(RAY_BLOCK))
 
@@ -39,7 +41,7 @@ class HoleTest:
     weights: of the fill's pyramid, written before each ``run``: of blocks of 2x2 pixels, of 4x4, and so on.
     """
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], weights: "Sequence[moderngl.Texture]"):
+    def __init__(self, programs: "Programs", size: tuple[int, int], weights: "Sequence[moderngl.Texture]"):
         context = programs.context
         self.context, self._programs, self._size = context, programs, size
         self._strides, blocks = strides(*size), fine_levels(*size)
@@ -47,16 +49,19 @@ class HoleTest:
         self.holes = context.texture(cells, 4, dtype="u4")
         self._rows, self._around = (context.texture(cells, 1, dtype="f2") for _ in range(2))
         self._inputs = {"blocks": weights[0], "around": self._around} | ({"cells": weights[1]} if blocks == 2 else {})
-        self._holes = programs.compute("hole_coverage.comp", BLOCKS=blocks, KERNEL_SUM=KERNEL_SUM,
-                                       BACKGROUND_BELOW=BACKGROUND_BELOW, COVER_SLOPE=COVER_SLOPE)
+        self._holes = Pass(programs, "holes", "hole_coverage.comp", outputs=("holes",), inputs=tuple(self._inputs),
+                           BLOCKS=blocks, KERNEL_SUM=KERNEL_SUM, BACKGROUND_BELOW=BACKGROUND_BELOW,
+                           COVER_SLOPE=COVER_SLOPE)  # fmt: skip
         self._owned, self._windows = [self.holes, self._rows, self._around], []
-        half = (len(KERNEL) + 1) // 2
+        smooth = partial(Pass, programs, "smoothed holes", "hole_smooth.comp", outputs=("smoothed",),
+                         SIDE=(len(KERNEL) + 1) // 2)
+        directions = ("seen",) if self._strides else ()
         self._smooth_rows = [
-            programs.compute("hole_smooth.comp", ROWS=1, SIDE=half, AROUND=1 if self._strides else None, MARCHED=marched,
-                             RAY_SHIFT=_RAY_LEVELS - FINE_LEVELS, TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE)
-            for marched in (None, 1)
+            smooth(inputs=(*directions, *marched), ROWS=1, AROUND=1 if self._strides else None, MARCHED=1 if marched else None,
+                   RAY_SHIFT=_RAY_LEVELS - FINE_LEVELS, TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE)
+            for marched in ((), ("met",))
         ]
-        self._smooth = programs.compute("hole_smooth.comp", SIDE=half)
+        self._smooth = smooth(inputs=("rows",))
         self._rays: Rays | None = None
         if not self._strides:
             return
@@ -64,8 +69,11 @@ class HoleTest:
         self._seen = context.texture(cells, 1, dtype="u4")
         self._between = context.texture(cells, 1, dtype="f1")  # for dilations that take two passes: from one cell to five
         self._owned += [*self._windows[1:], self._seen, self._between]
-        self._dilate = programs.compute("hole_dilate.comp")
-        self._look = [programs.compute("hole_directions.comp", FIRST=first) for first in (1, None)]
+        self._dilate = Pass(programs, "wider windows", "hole_dilate.comp", outputs=("wider",), inputs=("window",),
+                            uniforms=("by",))  # fmt: skip
+        self._directions = [
+            Pass(programs, "directions", "hole_directions.comp", outputs=("seen",), inputs=("window",), uniforms=("stride",),
+                 FIRST=first) for first in (1, None)]  # fmt: skip
 
     def run(self, camera: "Camera", occupancy: "Occupancy | None") -> None:
         """Writes ``holes``.  occupancy: the lattice that rays are tested against; None: the picture decides alone."""
@@ -73,16 +81,14 @@ class HoleTest:
             if number:
                 before = self._strides[number - 1]
                 self._dilate_to(self._windows[number - 1], window, window_reach(before), window_reach(stride))
-            look = self._look[min(number, 1)]
-            look["stride"] = stride
-            self._pass(look, self._seen, {"window": window})
+            self._directions[min(number, 1)].run(self._seen, inputs={"window": window}, stride=stride)
         inputs = {"seen": self._seen} if self._strides else {}
         if occupancy is not None:
             self._rays = self._rays or Rays(self._programs, self._size)
             inputs["met"] = self._rays.run(camera, occupancy)
-        self._pass(self._smooth_rows[occupancy is not None], self._rows, inputs)
-        self._pass(self._smooth, self._around, {"rows": self._rows})
-        self._pass(self._holes, self.holes, self._inputs)
+        self._smooth_rows[occupancy is not None].run(self._rows, inputs=inputs)
+        self._smooth.run(self._around, inputs={"rows": self._rows})
+        self._holes.run(self.holes, inputs=self._inputs)
 
     def _dilate_to(self, narrow: moderngl.Texture, wide: moderngl.Texture, reach: int, wanted: int) -> None:
         """Dilates windows of ``reach`` cells on each side to ``wanted``; no pass by more than their width."""
@@ -90,17 +96,8 @@ class HoleTest:
             by = min(wanted - reach, 2 * reach + 1)
             reach += by
             target = wide if reach == wanted else self._between
-            self._dilate["by"] = by
-            self._pass(self._dilate, target, {"window": narrow})
+            self._dilate.run(target, inputs={"window": narrow}, by=by)
             narrow = target
-
-    def _pass(self, program: moderngl.ComputeShader, output: moderngl.Texture, inputs: dict[str, moderngl.Texture]) -> None:
-        for unit, (name, texture) in enumerate(inputs.items()):
-            texture.use(unit)
-            program[name] = unit
-        output.bind_to_image(0, read=True, write=True)
-        program.run(*shader.groups(*output.size))
-        self.context.memory_barrier()
 
     def release(self) -> None:
         for texture in self._owned:
@@ -113,13 +110,14 @@ class Rays:
     """Owns the lattice's texture and what the rays of one picture size met in it; ``model/reference/ray_march.py`` is the
     reference."""
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
         self.context = programs.context
         self._met = self.context.texture(level_sizes(size, _RAY_LEVELS)[-1], 1, dtype="u1")
         self._codes: moderngl.Texture3D | None = None
         self._of: Occupancy | None = None
-        self._march = programs.compute(
-            "hole_march.comp", RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
+        self._march = Pass(
+            programs, "ray march", "hole_march.comp", outputs=("met",), inputs=("codes",),
+            uniforms=("to_world", "lens", "sparse", "eye"), RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
             START_IN_SURFACE=ray_march.START_IN_SURFACE,
             MAX_STEPS=ray_march.MAX_STEPS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
             TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE,
@@ -133,16 +131,12 @@ class Rays:
             data = np.ascontiguousarray(occupancy.codes.transpose(2, 1, 0))  # x varies fastest
             self._codes = self.context.texture3d(occupancy.codes.shape, 1, data, alignment=1, dtype="u1")
             self._of = occupancy
-        march = self._march
-        self._codes.use(0)
-        march["codes"] = 0
-        march["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
-        march["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        march["sparse"] = ray_march.sparse_depth(camera, occupancy.spacing) / occupancy.side
-        march["eye"] = tuple((camera.position - occupancy.origin) / occupancy.side)
-        self._met.bind_to_image(0, read=False, write=True)
-        march.run(*shader.groups(*self._met.size))
-        self.context.memory_barrier()
+        self._march.run(
+            self._met, inputs={"codes": self._codes},
+            to_world=tuple(camera.view_rotation.ravel()),  # rows of world -> view are columns of view -> world
+            lens=(camera.fx, camera.fy, camera.cx, camera.cy),
+            sparse=ray_march.sparse_depth(camera, occupancy.spacing) / occupancy.side,
+            eye=tuple((camera.position - occupancy.origin) / occupancy.side))
         return self._met
 
     def release(self) -> None:

@@ -11,13 +11,14 @@ import numpy as np
 
 from ....model.appearance.noise import KNOTS, LUMA
 from ....model.network.network_layout import NOISE_SCALE, TYPICAL_WEIGHT
-from ..device import shader
+from ..device.compute_pass import Pass
 
 if TYPE_CHECKING:
     import moderngl
 
     from ....model.appearance.noise import NoiseModel
     from ...picture.camera import Camera
+    from ..device.shader import Programs
 
 
 def noise_scale(detail: float) -> float:
@@ -28,33 +29,29 @@ def noise_scale(detail: float) -> float:
 class NoiseLevel:
     """Owns the scan's noise on the GPU and the target of one picture size; ``run`` fills ``level`` (R16F)."""
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], noise: "NoiseModel"):
+    def __init__(self, programs: "Programs", size: tuple[int, int], noise: "NoiseModel"):
         context = programs.context
-        self.context, self.noise = context, noise
+        self.noise = noise
         self.level = context.texture(size, 1, dtype="f2")
         sigma = np.ascontiguousarray(noise.sigma, "<f4")
         self._sigma = context.texture3d(sigma.shape[::-1], 1, sigma.tobytes(), dtype="f4")
-        self._program = programs.compute(
-            "noise_level.comp", KNOTS=KNOTS, LUMA_R=float(LUMA[0]), LUMA_G=float(LUMA[1]), LUMA_B=float(LUMA[2]))
-        self._program["curve"] = noise.curve.astype(float).tolist()
+        self._pass = Pass(
+            programs, "noise level", "noise_level.comp", outputs=("level",), inputs=("raw", "depth", "weight", "mask", "sigma"),
+            uniforms=("lens", "to_lattice", "eye", "scale", "point_weight", "curve"), KNOTS=KNOTS,
+            LUMA_R=float(LUMA[0]), LUMA_G=float(LUMA[1]), LUMA_B=float(LUMA[2]))
+        self._pass.tell(curve=noise.curve.astype(float).tolist())
 
     def run(self, raw: "moderngl.Texture", depth: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture", *,
             camera: "Camera", weighted: bool, detail: float) -> None:
         """raw, depth, weight: a rasteriser's targets.  mask: keep-mask or confidence.  weighted: whether points have
         weights.  detail: of the settings."""
-        program, voxel = self._program, self.noise.voxel
-        for unit, (name, texture) in enumerate({"raw": raw, "depth": depth, "weight": weight, "mask": mask,
-                                                "sigma": self._sigma}.items()):  # fmt: skip
-            texture.use(unit)
-            program[name] = unit
-        program["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        program["to_lattice"] = tuple((camera.view_rotation / voxel).ravel())  # rows of world -> view: columns of view -> world
-        program["eye"] = tuple((np.asarray(camera.position, np.float64) - self.noise.origin) / voxel)
-        program["scale"] = noise_scale(detail)
-        program["point_weight"] = TYPICAL_WEIGHT if weighted else 1.0
-        self.level.bind_to_image(0, read=False, write=True)
-        program.run(*shader.groups(*self.level.size))
-        self.context.memory_barrier()
+        voxel = self.noise.voxel
+        self._pass.run(
+            self.level, inputs={"raw": raw, "depth": depth, "weight": weight, "mask": mask, "sigma": self._sigma},
+            lens=(camera.fx, camera.fy, camera.cx, camera.cy),
+            to_lattice=tuple((camera.view_rotation / voxel).ravel()),  # rows of world -> view: columns of view -> world
+            eye=tuple((np.asarray(camera.position, np.float64) - self.noise.origin) / voxel),
+            scale=noise_scale(detail), point_weight=TYPICAL_WEIGHT if weighted else 1.0)
 
     def release(self) -> None:
         self.level.release()

@@ -11,12 +11,13 @@ import numpy as np
 
 from ....model.common.process.processors import usable_processors
 from ..culling.cull import DrawList
-from ..culling.occlusion import LAG, MAX_GROUPS, HiddenCells, History
+from ..culling.occlusion import LAG, HiddenCells, History
 from ..device import shader
+from ..device.compute_pass import rows_of_groups
 from ..device.device_class import Workgroup, workgroups
 from ..device.shader import BATCH, BINDINGS, STRETCH
 from .batches import BatchTable
-from .raster_shader import COPIED_KEYS, ShaderRasteriser
+from .raster_shader import ShaderRasteriser
 
 if TYPE_CHECKING:
     from ...stream.residency import Round
@@ -36,6 +37,7 @@ class ComputeRasteriser(ShaderRasteriser):
         self.workgroup = workgroup = workgroup or workgroups(device.kind)[0]
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self._copied_keys = self.context.texture((size[0], self.band_rows), 1, dtype="u4") if device.software else None
+        self._make_resolve({} if self._copied_keys is None else {"copied_keys": self._copied_keys}, {"KEYS": self.keys})
         self.table = BatchTable(4, (0, 1, 2), BATCH)
         self._rows, self._lag = workgroup.rows, LAG[device.software]
         self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
@@ -58,12 +60,10 @@ class ComputeRasteriser(ShaderRasteriser):
         self.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._bind_sums()
 
-    def _copy(self, resolve: moderngl.ComputeShader) -> None:
-        super()._copy(resolve)
+    def _copy(self) -> None:
+        super()._copy()
         if self._copied_keys is not None:
             self._copied_keys.write(self.keys)
-            self._copied_keys.use(COPIED_KEYS)
-            resolve["copied_keys"] = COPIED_KEYS
 
     def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
         self.zero(self.keys)
@@ -80,9 +80,7 @@ class ComputeRasteriser(ShaderRasteriser):
             return
         pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
         step["first_batch"], step["batch_count"] = start, stop - start
-        groups = -(-(stop - start) // self._rows)
-        across = min(groups, MAX_GROUPS)
-        step.run(across, -(-groups // across), 1)
+        step.run(*rows_of_groups(-(-(stop - start) // self._rows)))
 
     @property
     def can_hide(self) -> bool:

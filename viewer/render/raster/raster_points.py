@@ -28,6 +28,7 @@ class PointRasteriser(ShaderRasteriser):
         super().__init__(programs, size, device)
         context = self.context
         self.nearest = context.texture((size[0], self.band_rows), 1, dtype="f4")
+        self._make_resolve({"nearest": self.nearest}, {})
         self.target = context.framebuffer([self.nearest])
         self.empty = context.framebuffer([context.renderbuffer((size[0], self.band_rows), 1, dtype="f1")])
         self._default = context.detect_framebuffer(0)
@@ -80,7 +81,6 @@ class PointRasteriser(ShaderRasteriser):
         context.disable(moderngl.PROGRAM_POINT_SIZE)
         context.memory_barrier()
         self._default.use()  # this object's framebuffers are released with the picture size and must not stay bound
-        self.nearest.use(0)
 
     def _draw_all(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", number: int) -> None:
         for part in rounds:

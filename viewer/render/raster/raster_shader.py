@@ -3,6 +3,7 @@
 Pictures larger than a storage block are made in bands of rows.
 """
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from ....model.reference.station_constants import HEAVIEST, UNPLACED
 from ..culling.cull import DrawList
 from ..culling.occlusion import History, worthwhile
 from ..device import shader
+from ..device.compute_pass import Pass
 from ..device.gpu_buffers import Grown
 from ..device.shader import BINDINGS
 from .edit_block import BLOCK as EDITS_BLOCK
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
 
 _SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # bytes of the indirect command of the pass over pixels with carries
-_COPIED_SUMS, COPIED_KEYS = 1, 2  # texture units of the resolve pass; its depth has 0
 _CLEAR_LANES, _CLEAR_GROUPS = 256, 1024  # invocations of a workgroup, workgroups at most: enough to fill any GPU
 
 
@@ -51,7 +52,8 @@ class ShaderRasteriser(Rasteriser):
         self.sums = context.buffer(reserve=(_WIDE_SUM_BYTES if self.wide_sums else _SUM_BYTES) * width * self.band_rows)
         self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
         self._clean = False  # whether the carries are zero, to which resolve.comp resets them
-        self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
+        self._clear = None if device.software else Pass(programs, "clearing", "clear.comp", buffers=("KEYS",),
+                                                          uniforms=("count",), CLEAR_LANES=_CLEAR_LANES)  # fmt: skip
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = Grown(context, orphans=not device.software)
         self.upload = Grown(context, orphans=not device.software)
@@ -61,10 +63,17 @@ class ShaderRasteriser(Rasteriser):
         self._copied_sums = context.texture((width, self.band_rows), 2, dtype="u4") if device.software else None
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self.programs = programs
-        steps = {"SUMS_COPIED": None if self._copied_sums is None else 1}, {"CARRIED": 1}
-        constants = {"FROM_KEYS": self.from_keys, "MAX_AVERAGED": MAX_AVERAGED, **self.layout}
-        self._resolves = [programs.compute("resolve.comp", **constants, **more) for more in steps]
         self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
+
+    def _make_resolve(self, depths: "dict[str, moderngl.Texture]", keys: "dict[str, moderngl.Buffer]") -> None:
+        """Makes the two passes that resolve the sums.  depths, keys: where the nearest depths are, by the shader's name."""
+        self._depths = depths if self._copied_sums is None else {**depths, "copied_sums": self._copied_sums}
+        self._resolved = {"SUMS": self.sums, "CARRY": self.carries, **keys}
+        resolve = partial(Pass, self.programs, "resolved sums", "resolve.comp", outputs=("colour", "depth", "weight"),
+                          inputs=tuple(self._depths), buffers=tuple(self._resolved), FROM_KEYS=self.from_keys,
+                          MAX_AVERAGED=MAX_AVERAGED, **self.layout)  # fmt: skip
+        self._resolve = resolve(SUMS_COPIED=None if self._copied_sums is None else 1)
+        self._carried = resolve(CARRIED=1)
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
             history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
@@ -76,7 +85,6 @@ class ShaderRasteriser(Rasteriser):
         if stations is not None:
             self.stations.write(stations)
             self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
-        resolve, carried = self._resolves
         if edits is not None:
             self.edits.write(edits)
             self.edits.bind_to_uniform_block(BINDINGS["EDITS"])
@@ -93,24 +101,18 @@ class ShaderRasteriser(Rasteriser):
                 self.draw_hiding(pages, draw, rounds[0], history)
             else:
                 self.draw_band(pages, draw, rounds, rows)
-            self._bind_sums()
-            self.colour.bind_to_image(0, read=False, write=True)
-            self.depth.bind_to_image(1, read=False, write=True)
-            self.weight.bind_to_image(2, read=False, write=True)
-            self._copy(resolve)
-            resolve.run(*shader.groups(width, rows))
-            self.context.memory_barrier()
-            carried.run_indirect(self.carries)
-            self.context.memory_barrier()
+            self._bind_tables()
+            self._copy()
+            made = self.colour, self.depth, self.weight
+            self._resolve.run(*made, inputs=self._depths, buffers=self._resolved, over=(width, rows))
+            self._carried.run_indirect(self.carries, *made, inputs=self._depths, buffers=self._resolved)
             self._clean = True
         return hiding
 
-    def _copy(self, resolve: "moderngl.ComputeShader") -> None:
+    def _copy(self) -> None:
         """Copies what the resolve pass reads to textures, in software."""
         if self._copied_sums is not None:
             self._copied_sums.write(self.sums)
-            self._copied_sums.use(_COPIED_SUMS)
-            resolve["copied_sums"] = _COPIED_SUMS
 
     def zero(self, *buffers: "moderngl.Buffer") -> None:
         """Sets buffers to zero: on a GPU by a shader; in software by moderngl, which maps them.  Mapping is fastest there, and
@@ -119,9 +121,8 @@ class ShaderRasteriser(Rasteriser):
             if self._clear is None:
                 buffer.clear()
                 continue
-            buffer.bind_to_storage_buffer(BINDINGS["KEYS"])
-            self._clear["count"] = words = buffer.size // 4
-            self._clear.run(min(-(-words // _CLEAR_LANES), _CLEAR_GROUPS))
+            words = buffer.size // 4
+            self._clear.run_groups(min(-(-words // _CLEAR_LANES), _CLEAR_GROUPS), buffers={"KEYS": buffer}, count=words)
         if self._clear is not None:
             self.context.memory_barrier()
 
@@ -143,6 +144,9 @@ class ShaderRasteriser(Rasteriser):
     def _bind_sums(self) -> None:
         self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
         self.carries.bind_to_storage_buffer(BINDINGS["CARRY"])
+        self._bind_tables()
+
+    def _bind_tables(self) -> None:
         self.to_linear.use(shader.UNITS["TO_LINEAR"])
         self.to_srgb.use(shader.UNITS["TO_SRGB"])
 

@@ -5,13 +5,13 @@ reference implementation and says why.  World frame: the scan file's, float64.  
 to the camera, float32.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ....model.common.scanner_positions import stations_differ
 from ....model.reference.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST
-from ..device import shader
+from ..device.compute_pass import Pass
 
 if TYPE_CHECKING:
     import moderngl
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...picture.settings import Settings
+    from ..device.shader import Programs
 
 MOST_STATIONS = 256
 """Stations that the eight bits of a packed point can number."""
@@ -51,30 +52,31 @@ class Confidence:
     (RGBA8): colours of low confidence moved to the tone of more confident neighbours.
     """
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
         context = programs.context
-        self.context, self.size = context, size
         blocks = -(-size[0] // CONFIDENCE_BLOCK), -(-size[1] // CONFIDENCE_BLOCK)
         self.confidence, self.toned = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
         self._share, self._sums = context.texture(size, 1, dtype="f1"), context.texture(blocks, 2, dtype="f4")
         self._more, self._less = (context.texture(blocks, 4, dtype="f4") for _ in range(2))
-        targets = {"WEIGHTS": (self._sums,), "SHARES": (self._share,), "TONES": (self._more, self._less),
-                   "PICTURE": (self.toned, self.confidence)}  # fmt: skip
-        constants = {"CONFIDENCE_BLOCK": CONFIDENCE_BLOCK, "CONFIDENCE_HALF_SUM": CONFIDENCE_HALF_SUM, "HEAVIEST": HEAVIEST}
-        self._steps = [(programs.compute("confidence.comp", **constants, **{step: 1}), made) for step, made in targets.items()]
+        constants: dict[str, Any] = {"CONFIDENCE_BLOCK": CONFIDENCE_BLOCK, "CONFIDENCE_HALF_SUM": CONFIDENCE_HALF_SUM,
+                                     "HEAVIEST": HEAVIEST}  # fmt: skip
+
+        def step(variant: str, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> Pass:
+            return Pass(programs, f"confidence, {variant.lower()}", "confidence.comp", outputs=outputs, inputs=inputs,
+                        **{**constants, variant: 1})  # fmt: skip
+
+        self._weigh = step("WEIGHTS", ("sums",), ("weight", "mask"))
+        self._divide = step("SHARES", ("share",), ("weight", "mask", "sums"))
+        self._tone = step("TONES", ("more", "less"), ("raw", "share"))
+        self._finish = step("PICTURE", ("toned", "confidence"), ("raw", "share", "more", "less"))
 
     def run(self, raw: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:
         """raw, weight: colour and sum of weights of each pixel, from a rasteriser.  mask: the keep-mask."""
-        inputs = {"raw": raw, "weight": weight, "mask": mask, "sums": self._sums, "share": self._share, "more": self._more,
-                  "less": self._less}  # fmt: skip
-        for step, targets in self._steps:
-            for unit, name in enumerate(name for name, texture in inputs.items() if name in step and texture not in targets):
-                inputs[name].use(unit)
-                step[name] = unit
-            for unit, target in enumerate(targets):
-                target.bind_to_image(unit, read=False, write=True)
-            step.run(*shader.groups(*targets[0].size))
-            self.context.memory_barrier()
+        measured, picture = {"weight": weight, "mask": mask}, {"raw": raw, "share": self._share}
+        self._weigh.run(self._sums, inputs=measured)
+        self._divide.run(self._share, inputs={**measured, "sums": self._sums})
+        self._tone.run(self._more, self._less, inputs=picture)
+        self._finish.run(self.toned, self.confidence, inputs={**picture, "more": self._more, "less": self._less})
 
     def release(self) -> None:
         """Frees the targets."""
