@@ -39,17 +39,8 @@ def shown(rasteriser, sums: np.ndarray, count: np.ndarray) -> np.ndarray:
     head = np.array([*shader.groups(*SIZE), 0], np.uint32)
     rasteriser.sums.write(words.astype(np.uint64 if rasteriser.wide_sums else np.uint32).tobytes())
     rasteriser.carries.write(head.tobytes() + carries.astype(np.uint32).tobytes())
-    resolve, carried = rasteriser._resolves
     rasteriser.frame.bind_to_uniform_block(BINDINGS["FRAME"])
-    rasteriser.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
-    rasteriser._bind_sums()
-    rasteriser.colour.bind_to_image(0, read=False, write=True)
-    rasteriser.depth.bind_to_image(1, read=False, write=True)
-    rasteriser._copy(resolve)
-    resolve.run(*shader.groups(*SIZE))
-    rasteriser.context.memory_barrier()
-    carried.run_indirect(rasteriser.carries)
-    rasteriser.context.memory_barrier()
+    rasteriser.resolve(SIZE[1])
     assert not any(rasteriser.carries.read()[16:]), "empty for the next picture"
     return np.frombuffer(rasteriser.colour.read(), np.uint8).reshape(-1, 4)[:, :3]
 

@@ -101,13 +101,17 @@ class ShaderRasteriser(Rasteriser):
                 self.draw_hiding(pages, draw, rounds[0], history)
             else:
                 self.draw_band(pages, draw, rounds, rows)
-            self._bind_tables()
-            self._copy()
-            made = self.colour, self.depth, self.weight
-            self._resolve.run(*made, inputs=self._depths, buffers=self._resolved, over=(width, rows))
-            self._carried.run_indirect(self.carries, *made, inputs=self._depths, buffers=self._resolved)
+            self.resolve(rows)
             self._clean = True
         return hiding
+
+    def resolve(self, rows: int) -> None:
+        """Makes colour, depth and weight of the sums of ``rows`` rows, and zeroes the carries."""
+        self._bind_tables()
+        self._copy()
+        made = self.colour, self.depth, self.weight
+        self._resolve.run(*made, inputs=self._depths, buffers=self._resolved, over=(self.size[0], rows))
+        self._carried.run_indirect(self.carries, *made, inputs=self._depths, buffers=self._resolved)
 
     def _copy(self) -> None:
         """Copies what the resolve pass reads to textures, in software."""
