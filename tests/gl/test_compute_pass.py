@@ -78,17 +78,17 @@ def test_declaring_what_the_shader_does_not_have_or_not_all_that_it_has(programs
 
 
 @pytest.mark.parametrize(("change", "name"), [
-    ({"inputs": ("first",)}, "second"), ({"inputs": ("first", "second", "third")}, "third"), ({"uniforms": ("factor",)}, "unused"),
-    ({"uniforms": ("factor", "unused", "power")}, "power"), ({"buffers": ()}, "KEYS"), ({"outputs": 0}, "sum"),
-    ({"outputs": 2}, "output 2"),
+    ({"inputs": ("first",)}, "second"), ({"inputs": ("first", "second", "third")}, "third"),
+    ({"uniforms": ("factor",)}, "unused"), ({"uniforms": ("factor", "unused", "power")}, "power"),
+    ({"buffers": ()}, "KEYS"), ({"outputs": 0}, "sum"), ({"outputs": 2}, "output 2"),
 ])  # fmt: skip
 def test_running_with_a_name_too_many_or_too_few(programs, resources, change, name):
     first, _, out, buffer, _, _ = resources
     given = {"inputs": NAMES["inputs"], "uniforms": NAMES["uniforms"], "buffers": NAMES["buffers"], "outputs": 1, **change}
     step = Pass(programs, "adding", "added.comp", **NAMES)
     with pytest.raises(ValueError, match=rf"pass 'adding' \(added.comp\): .*'{name}'"):
-        step.run(*[out] * given["outputs"], inputs=dict.fromkeys(given["inputs"], first), over=SIZE,
-                 buffers=dict.fromkeys(given["buffers"], buffer), **dict.fromkeys(given["uniforms"], 1.0))
+        step.run(*[out] * given["outputs"], inputs={name: first for name in given["inputs"]}, over=SIZE,
+                 buffers={name: buffer for name in given["buffers"]}, **dict.fromkeys(given["uniforms"], 1.0))
 
 
 def test_passes_of_one_program_have_its_units(programs):
