@@ -87,8 +87,8 @@ def test_running_with_a_name_too_many_or_too_few(programs, resources, change, na
     given = {"inputs": NAMES["inputs"], "uniforms": NAMES["uniforms"], "buffers": NAMES["buffers"], "outputs": 1, **change}
     step = Pass(programs, "adding", "added.comp", **NAMES)
     with pytest.raises(ValueError, match=rf"pass 'adding' \(added.comp\): .*'{name}'"):
-        step.run(*[out] * given["outputs"], inputs={name: first for name in given["inputs"]}, over=SIZE,
-                 buffers={name: buffer for name in given["buffers"]}, **dict.fromkeys(given["uniforms"], 1.0))
+        step.run(*[out] * given["outputs"], inputs=dict.fromkeys(given["inputs"], first), over=SIZE,  # type: ignore[arg-type]
+                 buffers=dict.fromkeys(given["buffers"], buffer), **dict.fromkeys(given["uniforms"], 1.0))  # type: ignore[arg-type]
 
 
 def test_passes_of_one_program_have_its_units(programs):
