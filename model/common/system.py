@@ -4,7 +4,7 @@ Each function has a form for systems that lack what it uses.  Windows has no for
 SIGHUP and no SIGKILL; it refuses to rename or remove a file that is open or memory-mapped; its permission bits say nothing; its
 console sends Ctrl-Break beside Ctrl-C.  ``/proc`` exists on Linux only.
 
-Tested by taking away what such systems lack (tests/unit/test_system.py); run on Linux only so far.
+Tested by taking away what such systems lack (tests/unit/common/test_system.py); run on Linux only so far.
 """
 
 import contextlib

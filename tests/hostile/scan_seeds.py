@@ -97,7 +97,7 @@ def _e57(path: Path, **changes) -> None:
 
 
 def _e57_photographs(path: Path) -> None:
-    from test_e57_images import panorama, pinhole, room_points, write_photos
+    from e57_photo_files import panorama, pinhole, room_points, write_photos
 
     write_photos(path, [pinhole((0, 0, 0), 0.3, size=(32, 24)), panorama((0, 0, 0), 0.2, 64)], *room_points(POINTS))
 

@@ -16,7 +16,7 @@ from x_keyboard import focus, xdo
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
-from test_e57_images import pinhole, room_points, write_photos
+from e57_photo_files import pinhole, room_points, write_photos
 
 SIZE = (900, 600)
 

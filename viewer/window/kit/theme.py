@@ -1,7 +1,7 @@
 """How the interface looks: one dark style, one accent colour, one typeface, at any pixel density.
 
 Sizes are logical pixels at scale 1; ``scale`` is pixels of the window per logical pixel.  Contrast (WCAG 2.1) is at least
-4.5:1 for text and 3:1 for the edge or body of every control; tests/unit/test_window_theme.py computes it.
+4.5:1 for text and 3:1 for the edge or body of every control; tests/unit/window/test_window_theme.py computes it.
 """
 
 from pathlib import Path

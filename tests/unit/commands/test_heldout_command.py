@@ -1,0 +1,77 @@
+"""``pointglass evaluate SCAN``: a table, JSON and a sheet; bad input is one line before the work."""
+
+import json
+
+import numpy as np
+import pytest
+from cloud_files import write_ply
+from PIL import Image
+from e57_photo_files import room_points
+
+from pointglass.model.data.dataset import Scan
+from pointglass.model.network.weights_folder import weights_dir
+from pointglass.viewer.cli import main
+from pointglass.viewer.commands.heldout import evaluate_scan as command
+from pointglass.viewer.commands.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
+
+FAST = str(weights_dir() / "fast-filtered.safetensors")
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture
+def scan(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "SIZE", (160, 120))
+    xyz, rgb = room_points(60_000)
+    return write_ply(tmp_path / "room.ply", xyz, rgb)
+
+
+def test_a_scan_is_judged_by_its_own_points(scan, tmp_path, capsys):
+    told = ["evaluate", str(scan), "--views", "3", "--densities", "1", "0.3", "--weights", FAST]
+    assert main([*told, "--json", str(tmp_path / "r.json"), "--plot", str(tmp_path / "r.png")]) == 0
+    out = capsys.readouterr()
+    assert "room.ply, 60,000 points, 10 % of them withheld; 3 views" in out.out and "compare pictures, not scans" in out.out
+    assert not out.err
+    stored = json.loads((tmp_path / "r.json").read_text())
+    rows = {(row["method"], row["density"]): row for row in stored["rows"]}
+    assert set(rows) == {(m, d) for m in ("raw", "filled", "network fast-filtered") for d in (1.0, 0.3)}
+    for density in (1.0, 0.3):
+        assert rows["filled", density]["psnr"] > rows["raw", density]["psnr"] + 1
+        assert rows["filled", density]["points"] == rows["raw", density]["points"] > 500
+    assert rows["filled", 1.0]["psnr"] > rows["filled", 0.3]["psnr"]
+    with Image.open(tmp_path / "r.png") as sheet:
+        assert sheet.width > 3 * 80 and sheet.height > 3 * 60
+
+
+@pytest.mark.parametrize("options, said", [
+    (("{scan}", "--densities", "0"), "--densities 0"), (("{scan}", "--views", "0"), "--views 0"),
+    (("{scan}", "{scan}"), "one scan at a time"), (("{scan}", "{folder}"), "is a scan"),
+    (("{scan}", "--plot", "a.svg"), "must end in .png"), (("{grey}",), "no colours"), (("{few}",), "too few"),
+    (("{scan}", "--weights", "missing.safetensors"), "no such weights"), (("{folder}/missing.laz",), "no such file"),
+])
+def test_bad_input_is_refused_in_one_line(scan, tmp_path, capsys, options, said):
+    xyz, rgb = room_points(1500)
+    given = {"scan": scan, "folder": tmp_path, "grey": tmp_path / "grey.ply", "few": tmp_path / "few.ply"}
+    write_ply(given["grey"], xyz, None)
+    write_ply(given["few"], xyz[:500], rgb[:500])
+    assert main(["evaluate", *(option.format(**given) for option in options)]) == 2
+    out = capsys.readouterr()
+    assert said in out.err and out.err.count("\n") == 1 and not out.out
+
+
+def test_options_of_rooms_are_said_to_be_of_no_use(scan, capsys):
+    told = ["evaluate", str(scan), "--views", "1", "--densities", "1", "--weights", FAST]
+    assert main([*told, "--no-flicker", "--precision"]) == 0
+    assert "ignores --flicker, --precision" in capsys.readouterr().err
+
+
+def test_each_station_that_is_known_is_left_out_from_where_it_stood():
+    rng = np.random.default_rng(1)
+    station = rng.choice(4, 1000, p=[0.5, 0.3, 0.19, 0.01]).astype(np.uint8)
+    places = np.array([(0, 0, 1), (3, 0, 1), (np.nan,) * 3, (5, 5, 1)], float)
+    scan = Scan(rng.random((1000, 3)), np.zeros((1000, 3), np.uint8), station, places)
+    assert (station == 3).mean() < LEAST_SHARE
+    found = station_viewpoints(scan, (64, 48))
+    assert [view.station for view in found] == [0] * 4 + [1] * 4
+    assert np.allclose(found[4].picture.camera_to_world[:3, 3], (3, 0, 1)) and len({view.name for view in found}) == 8
+    assert station_viewpoints(Scan(scan.xyz, scan.rgb, station, None), (64, 48)) == []

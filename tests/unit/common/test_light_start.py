@@ -1,0 +1,72 @@
+"""A light start: raw, filtered and filled views of a cached scan load no library that only other work needs."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pointglass.viewer.common.paths import assets_dir
+
+ROOT = Path(__file__).resolve().parents[3]
+NEVER = ("torch", "open3d", "matplotlib", "pye57", "tensorboard", "pointglass.viewer.window")
+"""Not loaded by a raw, filtered or filled picture, whether the scan is in the cache or not."""
+NOT_FROM_CACHE = ("laspy", "lazrs")
+"""Not loaded either where the scan is in the cache."""
+RENDER = """
+import json, sys
+from pointglass.viewer.cli import main
+code = main(["render", *sys.argv[1:]])
+assert code == 0, code
+print(json.dumps(sorted(sys.modules)))
+"""
+FROM_PYTHON = """
+import json, sys
+import pointglass
+with pointglass.open(sys.argv[1]) as scan:
+    camera = pointglass.look_at((4.8, 3.2, 1.5), (3.0, 2.0, 1.2), fov=64, size=(80, 60))
+    for view in ("raw", "filtered", "filled"):
+        assert scan.render(camera, view=view, full=True).image.any()
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+def modules_after(code: str, *arguments: object) -> set[str]:
+    """Names of the modules that a fresh Python has loaded when ``code`` has run."""
+    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], cwd=ROOT, capture_output=True, text=True,
+                          timeout=300, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.fixture(scope="module")
+def one_camera(tmp_path_factory) -> Path:
+    cameras = json.loads((assets_dir() / "demo_cameras.json").read_text())
+    path = tmp_path_factory.mktemp("cameras") / "one.json"
+    path.write_text(json.dumps({**cameras, "camera_path": cameras["camera_path"][:1]}))
+    return path
+
+
+@pytest.mark.gl
+def test_a_picture_without_the_network_loads_no_torch(one_camera, tmp_path):
+    demo = assets_dir() / "demo.laz"
+    for view in ("raw", "filtered", "filled"):  # the first builds the grid, the others find it in the cache
+        loaded = modules_after(RENDER, demo, "--cameras", one_camera, "--out", tmp_path / view, "--view", view,
+                               "--size", "80x60")
+        assert not loaded & set(NEVER), view
+        assert view == "raw" or not loaded & set(NOT_FROM_CACHE), view
+
+
+@pytest.mark.gl
+def test_a_picture_without_the_network_loads_no_torch_from_python():
+    assert not modules_after(FROM_PYTHON, assets_dir() / "demo.laz") & set(NEVER)
+
+
+def test_loops_of_other_code_may_still_use_blas():
+    """model.common.jit keeps numba from loading scipy's BLAS at start; np.dot in a loop of other code works all the same."""
+    code = ("import sys, json, numpy as np, pointglass.model.common.jit, numba; early = sorted(sys.modules)\n"
+            "a = np.arange(6.0).reshape(2, 3); assert (numba.njit(lambda x, y: np.dot(x, y))(a, a.T) == a @ a.T).all()\n"
+            "print(json.dumps(early))")
+    assert "scipy.linalg" not in modules_after(code)

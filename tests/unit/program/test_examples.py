@@ -1,0 +1,60 @@
+"""The scripts in assets/examples: each says what it shows, and runs as a user runs it, with the results that it names."""
+
+import ast
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+FOLDER = Path(__file__).resolve().parents[3] / "assets" / "examples"
+SCRIPTS = sorted(FOLDER.glob("*.py"))
+RESULTS = {
+    "compare_views": {"raw_filtered_filled.png"},
+    "draw_section": {"plan.pdf", "section.png"},
+    "e57_photographs": {"made.e57", "0_photograph.png", "0_scan.png"},
+    "exchange_cameras": {"colmap", "transforms.json", "view_0.png", "view_1.png", "view_2.png"},
+    "export_selection": {"corner.laz", "station.laz"},
+    "film_along_keyframes": {"camera_path.json", "walk.mp4"},
+    "points_from_numpy": {"sphere.png"},
+    "read_points": {"points.npz", "heights.png"},
+    "render_picture": {"raw.png", "filtered.png", "filled.png", "neural.png"},
+}
+"""Script -> what it leaves in its folder."""
+SAID = {
+    "compare_views": "13.0% filled", "draw_section": "2 sheets", "e57_photographs": "living room: pinhole",
+    "exchange_cameras": "3 cameras; poses differ by at most", "export_selection": "points in a quarter",
+    "film_along_keyframes": "walk.mp4", "points_from_numpy": "150,000 points, 2 stations", "read_points": "13,500 points read",
+    "render_picture": "4 pictures",
+}  # fmt: skip
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_an_example_does_what_it_says(script, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path / "out")])
+    runpy.run_path(str(script), run_name="__main__")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == RESULTS[script.stem]
+    assert SAID[script.stem] in capsys.readouterr().out
+    for picture in (tmp_path / "out").glob("*.png"):
+        with Image.open(picture) as image:
+            assert np.asarray(image.convert("RGB")).std() > 10, picture.name
+
+
+@pytest.mark.gl
+def test_a_photograph_of_the_scan_is_like_the_scan(tmp_path):
+    script = FOLDER / "e57_photographs.py"
+    done = subprocess.run([sys.executable, script, tmp_path], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    difference = float(done.stdout.partition("difference from the scan ")[2].split()[0])
+    assert difference < 20, "the pose is read as it was written"
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_an_example_opens_with_what_it_shows_and_how_it_is_run(script):
+    text = ast.get_docstring(ast.parse(script.read_text("utf-8")))
+    assert text is not None and f"python assets/examples/{script.name} out/" in text
+    assert text.splitlines()[0].endswith(".") and len(script.read_text("utf-8").splitlines()) < 130
