@@ -3,10 +3,10 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test faults hostile lint assets pictures docs wheel tag clean setup
+.PHONY: help demo test test-fast faults hostile lint assets pictures docs wheel tag clean setup
 
 help:  ## this list
-	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup:
 	@.ci/setup.sh
@@ -16,6 +16,9 @@ demo: setup  ## set up what is missing and open the demo scan (without a display
 
 test: setup  ## set up what is missing, check the code, run every test
 	@.ci/test.sh
+
+test-fast: setup  ## unit tests of the rooms that differ from the last commit (ROOMS="readers grid" for others)
+	@.ci/test_fast.sh $(ROOMS)
 
 faults: setup  ## interrupts, kills, full disks, little memory: 200 of each interrupt (hours; ARGS="--times 20" for fewer)
 	@$(PYTHON) -m tests.faults $(ARGS)

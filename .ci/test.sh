@@ -7,14 +7,15 @@
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-JOBS=(unit-2 unit-1 window gl-1 rest gl-2 hostile lint)  # the longest first, so that the last ones end together
+JOBS=(unit-1 unit-2 unit-3 window gl-1 rest gl-2 hostile lint)  # the longest first, so that the last ones end together
 
 run_job() {
     local python=.venv/bin/python
     case $1 in
         lint) "$python" -m ruff check . && "$python" -m pyright --warnings ;;
-        unit-1) "$python" -m pytest -q tests/unit/test_[a-m]*.py ;;
-        unit-2) "$python" -m pytest -q tests/unit/test_[!a-m]*.py ;;
+        unit-1) "$python" -m pytest -q tests/unit/{grid,interface,picture,program,readers,render} ;;
+        unit-2) "$python" -m pytest -q tests/unit/{bench,commands,common,exporting} ;;
+        unit-3) "$python" -m pytest -q tests/unit/{lab,model,window,work} ;;
         window) "$python" -m pytest -q tests/window ;;
         # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
         gl-1) LP_NUM_THREADS=1 "$python" -m pytest -q tests/gl/test_[a-o]*.py ;;

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from cloud_files import write_ply
-from PIL import Image
 from e57_photo_files import room_points
+from PIL import Image
 
 from pointglass.model.data.dataset import Scan
 from pointglass.model.network.weights_folder import weights_dir

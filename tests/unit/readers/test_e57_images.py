@@ -1,8 +1,6 @@
 """Photographs inside an E57: cameras, poses, panoramas, masks; whatever is damaged is refused by name."""
 
 import io
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from PIL import Image, ImageFile
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.readers.e57 import e57_images
 from pointglass.viewer.readers.e57.e57_images import FACES, read_photographs
+
 
 def colour_errors(photo, xyz: np.ndarray, rgb: np.ndarray) -> np.ndarray:
     """(n,) largest channel difference between points and the pixels they fall on, by the photo's own camera."""

@@ -93,9 +93,9 @@ while True:
 def killed(folder: Path, seconds: float) -> list[str]:
     """Lets a process edit, autosave and save until it is killed.  Returns the lines that it printed."""
     here = Path(__file__).resolve().parent
-    environment = os.environ | {"POINTGLASS_STATE": str(folder / "state"), "PYTHONPATH": str(here.parents[1])}
-    process = subprocess.Popen([sys.executable, "-c", KILLED, str(folder), str(here)], env=environment, text=True,
-                               stdout=subprocess.PIPE)
+    environment = os.environ | {"POINTGLASS_STATE": str(folder / "state"), "PYTHONPATH": str(here.parents[2])}
+    process = subprocess.Popen([sys.executable, "-c", KILLED, str(folder), str(here), str(here.parent)], env=environment,
+                               text=True, stdout=subprocess.PIPE)
     assert process.stdout is not None
     lines = [process.stdout.readline()]
     time.sleep(seconds)

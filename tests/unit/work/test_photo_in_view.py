@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from e57_photo_files import AWAY, Picture, encoded, hit, paint, room_points, write_photos
+from scipy.spatial.transform import Rotation
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov, look_at

@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# The unit tests of some rooms, and the rules of the layout: `.ci/test_fast.sh ROOM...`.  Without a name those of the rooms whose
+# files differ from the last commit.  For the change of one room under a minute; `make test` runs everything.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+# The folder of tests/unit for a changed file; nothing for a file without unit tests of its own.
+tests_of() {
+    case $1 in
+        tests/unit/*/*) echo "$1" | cut -d/ -f3 ;;
+        viewer/commands/exporting/*) echo exporting ;;
+        viewer/preprocess/* | viewer/stream/*) echo grid ;;
+        viewer/*/*) echo "$1" | cut -d/ -f2 ;;
+        viewer/* | pointglass.py | README.md | .github/* | .ci/*) echo program ;;
+        model/common/*) echo common ;;
+        model/data/* | model/synth/* | model/train/* | model/evaluation/*) echo lab ;;
+        model/*) echo model ;;
+        shaders/*) echo render ;;
+    esac
+}
+
+rooms=("$@")
+if [[ ${#rooms[@]} -eq 0 ]]; then
+    mapfile -t rooms < <({ git diff --name-only HEAD; git ls-files --others --exclude-standard; } | while read -r file; do
+        tests_of "$file"
+    done | sort -u)
+fi
+folders=(tests/unit/program/test_architecture.py)
+for room in "${rooms[@]}"; do
+    if [[ ! -d tests/unit/$room ]]; then
+        echo "no tests/unit/$room; there are $(cd tests/unit && ls -d */ | tr -d '/' | paste -sd ' ')"
+        exit 2
+    fi
+    folders+=("tests/unit/$room")
+done
+exec .venv/bin/python -m pytest -q -m "not slow" "${folders[@]}"
