@@ -85,12 +85,12 @@ class LasSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
-        for _, chunk in self._read():
+        for _, chunk in self._read(CHUNK):
             yield chunk
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  native: a structured array of the point format's layout."""
-        for points, chunk in self._read():
+        for points, chunk in self._read(CHUNK):
             yield records_of(points, chunk)
 
     def column_chunks(self, name: str) -> Iterator[Records]:
@@ -99,10 +99,10 @@ class LasSource(Source):
 
     def native_chunks(self) -> Iterator[tuple[Chunk, np.ndarray]]:
         """Yields chunks, and their records as a structured array of the point format's layout."""
-        for points, chunk in self._read():
+        for points, chunk in self._read(CHUNK):
             yield chunk, points.array
 
-    def _read(self, most: int = CHUNK) -> Iterator[tuple[Any, Chunk]]:
+    def _read(self, most: int) -> Iterator[tuple[Any, Chunk]]:
         """Yields the points as laspy holds them, and as a chunk of ``most`` points."""
         done, outside = 0, False
         # one step of rounding on either side: some writers round the bounds, some the points

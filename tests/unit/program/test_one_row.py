@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 pytestmark = pytest.mark.gl
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 ROWS = {
     "model/network/qualities.py": ('    "fast": Quality(', '    "tiny": Quality("tried by a test", 0.5, Size((8, 16), 1)),\n'
                                    '    "tinier": Quality("mirrored", 2.0, mirrors="tiny", smaller="tiny"),\n'),
