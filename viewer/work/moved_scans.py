@@ -74,14 +74,17 @@ def _ends(path: Path, size: int, _changed: int) -> str:
     return digest.hexdigest()
 
 
-def place_of(path: str, project: Path) -> ScanPlace:
-    """The place of a scan, seen from the folder of a project file that is written."""
+def place_of(path: str, project: Path, known: ScanPlace | None = None) -> ScanPlace:
+    """The place of a scan, seen from the folder of a project file that is written.  known: what was recorded of it before; its
+    size and checksum stay where the scan is not there now."""
     whole, folder = os.path.abspath(path), os.path.abspath(project.parent)
     try:
         relative = Path(os.path.relpath(whole, folder)).as_posix()
     except ValueError:  # another drive
         relative = ""
-    return ScanPlace(Path(whole).as_posix(), relative, size_of(Path(whole)), ends_of(Path(whole)))
+    file = Path(whole)
+    size, ends = (known.size, known.ends) if known is not None and not _exists(file) else (size_of(file), ends_of(file))
+    return ScanPlace(file.as_posix(), relative, size, ends)
 
 
 def places_from(data) -> list[ScanPlace]:

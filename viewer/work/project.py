@@ -43,9 +43,11 @@ def project_beside(document: Document) -> Path:
     return first.with_name(first.stem + SUFFIX)
 
 
-def write_project(path: Path, document: Document) -> None:
-    """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
-    places = [dataclasses.asdict(place_of(scan.path, path)) for scan in document.scans]
+def write_project(path: Path, document: Document, known: typing.Mapping[str, ScanPlace] | None = None) -> None:
+    """Writes a document so that an older file stays as it was on any failure.  known: absolute path of a scan -> what was last
+    recorded of it, which is kept where the scan is not there now.  Raises InputError naming the file."""
+    places = [dataclasses.asdict(place_of(scan.path, path, (known or {}).get(os.path.abspath(scan.path))))
+              for scan in document.scans]
     data = {"pointglass_project": VERSION, "document": to_json(with_paths(document, lambda p: _relative(p, path.parent))),
             "places": places}
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"

@@ -51,15 +51,23 @@ def temporary_folder(target: Path, *, sources: Iterable[Path] = ()) -> Iterator[
 @contextlib.contextmanager
 def reserved(paths: Iterable[Path]) -> Iterator[Path]:
     """The first of ``paths`` where nothing lies yet, as an empty file: no other process takes that name meanwhile.  Where it is
-    still empty at the end of the block, or the process is stopped, it goes again.  Raises OSError."""
+    still empty at the end of the block, or the process is stopped, it goes again; of a killed process at the next start, by its
+    record.  Raises OSError."""
     for path in paths:
         with contextlib.suppress(FileExistsError):
             _new_file(path, 0o666)
             break
     else:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
-    with cleaned(lambda: _remove(path) if path.is_file() and not path.stat().st_size else None):
-        yield path
+    held = None
+    with cleaned(lambda: _remove_empty(path)):
+        with contextlib.suppress(OSError):
+            held = locked(path)  # before the record: whoever reads that finds the name in use
+        try:
+            with _recorded(path):
+                yield path
+        finally:
+            _release(held)
 
 
 def allowed(sources: Iterable[Path]) -> int:
@@ -105,13 +113,15 @@ def sweep_once(parent: Path) -> None:
 
 
 def sweep_recorded() -> None:
-    """Removes what processes that were killed have left anywhere, by the records in the state folder."""
+    """Removes what processes that were killed have left anywhere, by the records in the state folder: temporary files, and
+    names that they reserved, as far as these are empty."""
     with contextlib.suppress(OSError):
         for entry in [*os.scandir(_records())]:
             record = Path(entry.path)
             with contextlib.suppress(OSError, ValueError):
                 path = Path(record.read_text("utf-8"))
-                if not path.is_absolute() or not OURS.match(path.name) or _remove_abandoned(path):
+                gone = _remove_abandoned if OURS.match(path.name) else _remove_reserved
+                if not path.is_absolute() or gone(path):
                     record.unlink()
 
 
@@ -132,6 +142,28 @@ def _remove_abandoned(path: Path) -> bool:
     finally:
         _release(lock)
     return not path.exists()
+
+
+def _remove_empty(path: Path) -> None:
+    if path.is_file() and not path.is_symlink() and not path.stat().st_size:
+        _remove(path)
+
+
+def _remove_reserved(path: Path) -> bool:
+    """Removes a reserved name that is still empty, unless a process uses it.  Returns whether nobody does any more."""
+    try:
+        lock = locked(path)
+    except BlockingIOError:
+        return False
+    except OSError:  # gone, or something else lies there
+        return True
+    try:
+        if lock is None and path.is_file() and not path.stat().st_size and not _is_old(path):
+            return False  # without locks it may be in use
+        _remove_empty(path)
+    finally:
+        _release(lock)
+    return True
 
 
 @contextlib.contextmanager

@@ -25,6 +25,18 @@ with temporary_folder(Path(sys.argv[1]) / "abc") as folder, temporary_file(Path(
     time.sleep(60)
 """
 
+RESERVER = """
+import sys, time
+from pathlib import Path
+from pointglass.model.common.files.temporary import reserved
+
+folder = Path(sys.argv[1])
+with reserved([folder / "empty.png"]) as empty, reserved([folder / "full.png"]) as full:
+    full.write_text("a picture")
+    print("reserved", flush=True)
+    time.sleep(60)
+"""
+
 
 def _new(parent: Path) -> None:
     with scratch(parent / "new") as work:
@@ -51,6 +63,20 @@ def test_what_killed_processes_left_is_removed_and_what_running_ones_use_is_not(
     sweep()
     assert [path.name for path in tmp_path.iterdir()] == [".theirs.tmp"]
     temporary.sweep_recorded()
+    assert not list((state_dir() / "unfinished").iterdir())
+
+
+def test_a_name_that_a_killed_process_had_reserved_is_free_again_and_its_picture_stays(tmp_path):
+    holder = subprocess.Popen([sys.executable, "-c", RESERVER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None and holder.stdout.readline().strip() == "reserved"
+    mine = tmp_path / "mine.png"
+    mine.touch()  # empty, and nobody's
+    temporary.sweep_recorded()
+    assert (tmp_path / "empty.png").exists(), "in use"
+    holder.kill()
+    holder.wait()
+    temporary.sweep_recorded()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["full.png", "mine.png"]
     assert not list((state_dir() / "unfinished").iterdir())
 
 

@@ -16,7 +16,7 @@ from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
 from pointglass.viewer.window.session.work import Work
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measure import evaluate
-from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.project import places_in, write_project
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +95,9 @@ def test_an_area_ends_with_enter_and_points_are_taken_back(context):
         click(tool, context, place)
         if place[0] == 2.0:
             assert tool.key_event(KeyEvent("BACKSPACE", "press"), context)
-    assert tool.unfinished == "Area: not ended yet.", "a window that closes asks"
     assert tool.key_event(KeyEvent("ENTER", "press"), context)
     (made,) = context.document.measurements
-    assert evaluate(made).value == pytest.approx(4.0, rel=0.01) and tool.unfinished == ""
+    assert evaluate(made).value == pytest.approx(4.0, rel=0.01)
 
 
 def test_background_sets_no_point(context):
@@ -214,6 +213,30 @@ def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
     assert document.view is not None
     assert np.allclose(document.view.camera(400, 300).camera_to_world, context.camera.camera_to_world)
     assert document.background == "sky" and document.clips[0].name == "Section"
+
+
+@pytest.mark.parametrize("away", ("before it is opened", "while it is open"))
+def test_what_is_recorded_of_a_scan_stays_where_it_is_saved_while_the_scan_is_away(context, tmp_path, away):
+    here, gone = tmp_path / "here.ply", tmp_path / "gone.ply"
+    here.write_text("here"), gone.write_text("gone for now")
+    project = tmp_path / "p.pointglass"
+    write_project(project, Document((ScanFile(str(here)), ScanFile(str(gone)))))
+    before, work = places_in(project), Work()
+    assert before[str(gone)].size == 12 and before[str(gone)].ends
+    if away == "before it is opened":
+        gone.unlink()
+        work.located = {str(gone): None}
+    work.begin([project])
+    work.accept()
+    gone.unlink(missing_ok=True)
+    here.write_text("here, and changed")
+    for path in (project, tmp_path / "copy.pointglass", project):
+        work.save_project(path, context.camera, Settings(), "sky")
+        found = places_in(path)
+        assert found[str(gone)] == before[str(gone)] and found[str(here)].size == 17
+    gone.write_text("another, as long as it likes")
+    work.save_project(project, context.camera, Settings(), "sky")
+    assert places_in(project)[str(gone)].size == 28, "what is there counts"
 
 
 def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):

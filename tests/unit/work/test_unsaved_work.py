@@ -11,6 +11,7 @@ from pointglass.viewer.picture.look import Look
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
+from pointglass.viewer.work.measure import Begun, MeasuredPoint
 from pointglass.viewer.work.project import read_project
 
 CHANGES: dict[str, object] = {
@@ -184,6 +185,30 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
     act_on_notice(window.session, offer.action)
     window.take()
     assert window.session.work.project == tmp_path / "room.pointglass" and window.session.document.clips == (BOX,)
+
+
+@pytest.mark.parametrize("points", (1, 3))
+def test_a_measurement_that_is_not_ended_is_left_after_a_question_only(window, points):
+    """One rule for closing the window or the scan, opening and dropping files: all of them call leave."""
+    left, work = [], window.session.work
+    work.begun = begun = Begun("area", tuple(MeasuredPoint((float(x), 0.0, 0.0)) for x in range(points)))
+    window.flow.follow()
+    window.flow.leave(lambda: left.append("unchanged"))
+    assert window.asked == "Give up the measurement that is not ended?" and not left
+    assert f"{points} point" in window.session.notices.message.text
+    window.answer("Go on")
+    assert not left and work.begun == begun
+    window.edit(clips=(BOX,))
+    window.flow.leave(lambda: left.append("saved"))
+    assert "area that is not ended" in window.session.notices.message.text
+    window.answer("Save")
+    assert window.asked == "Give up the measurement that is not ended?" and not left, "a project does not keep it"
+    window.answer("Give up")
+    assert left == ["saved"] and not window.flow.changed
+    window.edit(clips=())
+    window.flow.leave(lambda: left.append("discarded"))
+    window.answer("Discard")
+    assert left == ["saved", "discarded"], "asked once"
 
 
 def test_a_window_with_unfinished_work_ends_after_a_question_only(window):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...common.errors import PointglassError
+from ...common.text import counted
 from ...work.document import replaced, unique_name, without
 from ...work.measure import KINDS, Begun, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
 from ...work.places.pick import Picked
@@ -70,7 +71,9 @@ class Measurements(Overlay):
 
 
 class Measure(Tool):
-    """Sets points by clicks; Enter or a double click ends a polyline or an area, Backspace takes the last point back."""
+    """Sets points by clicks; Enter or a double click ends a polyline or an area, Backspace takes the last point back.
+
+    What is not ended stays while another tool is selected, and goes on when this one is again."""
 
     name, label, letter, key = "measure", "Measure", "M", "T"
     help = "measure between points: distance, polyline, height, angle, area"
@@ -144,9 +147,13 @@ class Measure(Tool):
             return False
         return True
 
-    @property
-    def unfinished(self) -> str:
-        return f"{NAMES[self.kind]}: not ended yet." if len(self.points) > 1 else ""
+    def _change_kind(self, kind: str, context: ToolContext) -> None:
+        """Measures another kind from now on, from the points that are set, as far as it has room for them."""
+        most = KINDS[kind][1]
+        if most is not None and len(self.points) >= most:
+            context.toast(f"{NAMES[self.kind]}: {counted(len(self.points), 'point')} given up, not ended")
+            self.points.clear()
+        self.kind = kind
 
     def _drop_last(self) -> None:
         if self.points:
@@ -163,9 +170,6 @@ class Measure(Tool):
         made = Measurement(self.kind, tuple(self.points), name, document.up)
         self.points.clear()
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
-
-    def left(self, context: ToolContext) -> None:
-        self.points.clear()
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         hovered = context.session.work.under_pointer
@@ -190,8 +194,7 @@ class Measure(Tool):
         if ui.begin_combo("##kind", NAMES[self.kind]):
             for kind, (_, _, what) in KINDS.items():
                 if ui.selectable(NAMES[kind], self.kind == kind)[0] and kind != self.kind:
-                    self.kind = kind
-                    self.points.clear()
+                    self._change_kind(kind, context)
                 if ui.is_item_hovered():
                     ui.set_tooltip(what)
             ui.end_combo()

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...common.errors import PointglassError
 from ...common.paths import assets_dir
-from ...common.text import printable
+from ...common.text import counted, printable
 from ...work.document import Document, Viewpoint
 from ...work.history import History
 from ...work.measure import Begun
@@ -77,6 +77,11 @@ class ProjectFlow:
         return self._session.work.content(*self._shown), self._session.work.begun
 
     @property
+    def at_stake(self) -> bool:
+        """Whether leaving loses something: work that is not saved, or a measurement that is not ended."""
+        return self.changed or self._session.work.begun is not None
+
+    @property
     def name(self) -> str:
         """Of the project, else of the scan."""
         project = self._session.work.project
@@ -99,7 +104,7 @@ class ProjectFlow:
             self._left_off = None
         self._take_places()
         content = self._content
-        if not self.changed and work.begun is None:
+        if not self.at_stake:
             self._left_off = None
             self.autosave.follow(None)
         elif self._left_off is None or any(a is not b for a, b in zip(self._left_off, content)):
@@ -115,7 +120,7 @@ class ProjectFlow:
 
     def close(self) -> None:
         """The window closes.  Work that is neither saved nor given up stays in the autosave, for the next start."""
-        keep = (self.changed or self._session.work.begun is not None) and self._given_up != self._content
+        keep = self.at_stake and self._given_up != self._content
         if keep:
             self._session.work.exact_points.wait(_LAST_READING_S)
             self.follow()
@@ -198,9 +203,10 @@ class ProjectFlow:
     # -- leaving -----------------------------------------------------------------------------------------------------
 
     def leave(self, then: Callable[[], object]) -> None:
-        """Calls ``then``, which leaves the work that is open; asks first where it is not saved."""
-        content = self._content
-        if not self.changed or self._session.scene is None:
+        """Calls ``then``, which leaves the work that is open: closes the window or the scan, or opens something else.  Asks
+        first where work is not saved, and where a measurement is not ended, which no project keeps."""
+        content, begun = self._content, self._session.work.begun
+        if not self.at_stake or self._session.scene is None:
             then()
             return
 
@@ -209,8 +215,15 @@ class ProjectFlow:
             then()
 
         self._session.let_go()
-        self._session.notices.ask(f"Save the changes to {self.name}?", "Discard loses everything since the last save.", (
-            Answer("Save", lambda: self.save(then)), Answer("Discard", give_up), Answer("Cancel")))  # fmt: skip
+        ask = self._session.notices.ask
+        if self.changed:
+            more = f", and a measurement of {begun.kind} that is not ended" if begun is not None else ""
+            ask(f"Save the changes to {self.name}?", f"Discard loses everything since the last save{more}.", (
+                Answer("Save", lambda: self.save(lambda: self.leave(then))), Answer("Discard", give_up), Answer("Cancel")))
+        elif begun is not None:
+            ask("Give up the measurement that is not ended?",
+                f"{begun.kind.capitalize()}: {counted(len(begun.points), 'point')} set. Leaving loses them; "
+                "a project keeps what is ended.", (Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip
 
     def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
         """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
@@ -228,7 +241,7 @@ class ProjectFlow:
     def may_replace(self, loaded: Loaded) -> bool:
         """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""
         session = self._session
-        if session.keeps_work(loaded) or not self.changed:
+        if session.keeps_work(loaded) or not self.at_stake:
             return True
         return self._given_up == self._content
 

@@ -3,6 +3,8 @@
 A tool changes the document through :meth:`Work.edit`; whoever draws reads ``document``.  No GL, no imgui.
 """
 
+import contextlib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +16,18 @@ from ...readers.e57.e57_photographs import StationPhoto
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measure import Begun
+from ...work.moved_scans import ScanPlace
 from ...work.places.pick import Picked
-from ...work.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
+from ...work.project import (
+    digest_of,
+    places_in,
+    project_among,
+    project_beside,
+    read_project,
+    relocated,
+    scans_of,
+    write_project,
+)
 from ...work.reference import with_reference
 from .exact_points import ExactPoints
 from .recovery import Opening, Recoverable, opening_of
@@ -66,6 +78,7 @@ class Work:
         self._next = Opening(Document())
         self._saved = Document()
         self._content: tuple[tuple, Document] | None = None
+        self._places: dict[str, ScanPlace] = {}  # as recorded in the project's file, by absolute path of the scan
 
     @property
     def document(self) -> Document:
@@ -130,12 +143,19 @@ class Work:
         """What :meth:`begin` began is shown now.  Returns its document."""
         opened, self._next = self._next, Opening(Document())
         self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
+        self._note_places(opened.project)
         self.begun = opened.recovered.unsaved.begun if opened.recovered is not None else None
         self.exact_points = ExactPoints()  # points that are still being read are of the former work
         saved = opened.document if opened.saved is None else opened.saved
         self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)
         self.history.do("Restore unsaved work", opened.document)
         return self.document
+
+    def _note_places(self, project: Path | None) -> None:
+        """Keeps what a project file records of its scans, for saving while one is not there."""
+        with contextlib.suppress(InputError):  # an autosave whose project is gone
+            found = places_in(project) if project is not None else {}
+            self._places = {os.path.abspath(path): place for path, place in found.items()}
 
     def leave(self) -> None:
         """No scan is open any more."""
@@ -176,6 +196,7 @@ class Work:
     def save_project(self, path: Path, camera: Camera, settings: Settings, background: str) -> None:
         """Writes the document with what the window shows now.  Raises InputError naming the file."""
         document = self.as_saved(camera, settings, background)
-        write_project(path, document)
+        write_project(path, document, self._places)
+        self._note_places(path)
         self.history.replace(document)
         self.project, self.digest, self._saved = path, digest_of(path), replace(document, view=None)

@@ -207,7 +207,7 @@ class App:
         """Closes the window, once the work is saved or given up."""
         self.wake()
         self.glfw.set_window_should_close(self.window, False)  # GLFW sets it before it tells
-        if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.changed:
+        if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.at_stake:
             self.glfw.restore_window(self.window)  # the question must be seen
         end = partial(self.projects.end, self.toolbox.unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
         self.projects.leave(end)
