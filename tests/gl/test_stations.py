@@ -32,7 +32,7 @@ def test_weighted_frame_agrees_with_the_reference(renderer_of, scale, unknown, s
     for number, lod in enumerate((None, 1.0)):
         camera, settings = camera_in(scene, seed + number), Settings(lod=lod)
         frame = renderer.render(camera, settings, views=ALL)
-        assert frame.facts["stations"] == "weighed"
+        assert frame.facts.stations == "weighed"
         assert_agrees(frame, reference_frame(scene, camera, settings))
 
 

@@ -4,6 +4,7 @@ The network runs on its own thread (viewer.render.network.network_thread); these
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from .frame import Frame
@@ -15,24 +16,17 @@ if TYPE_CHECKING:
     from .stage_times import Stages
 
 
-def camera_key(camera: "Camera") -> tuple:
-    """Equal for cameras that make the same picture."""
-    return (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world.tobytes())
-
-
-def start_network(network: "NeuralStage", camera: "Camera", stages: "Stages", facts: dict, textures: dict, *, serial: int,
-                  wake: Callable[[], None], missing: int) -> None:
+def start_network(network: "NeuralStage", camera: "Camera", stages: "Stages", textures: dict, *, serial: int,
+                  wake: Callable[[], None], missing: int) -> bool:
     """Starts the network for frame ``serial``, unless points are missing, and shows the previous neural picture meanwhile where
-    its camera is the same.  Adds the facts ``camera_key`` and ``network_pending``."""
-    key = camera_key(camera)
-    if network.presented == key:
+    its camera is the same.  Returns whether it runs."""
+    if network.presented == camera.key:
         textures["neural"] = network.picture
-    facts["camera_key"] = key
-    facts["network_pending"] = not missing
-    if facts["network_pending"]:
-        stages.run("hand over", lambda: network.start(serial, wake))
-    else:
+    if missing:
         network.drop()
+    else:
+        stages.run("hand over", lambda: network.start(serial, wake))
+    return not missing
 
 
 def finish_network(network: "NeuralStage | None", fill: "Fill | None", frame: Frame, serial: int) -> bool:
@@ -40,13 +34,13 @@ def finish_network(network: "NeuralStage | None", fill: "Fill | None", frame: Fr
 
     Raises DeviceError where the network failed.
     """
-    if network is None or fill is None or not frame.facts.get("network_pending"):
+    if network is None or fill is None or not frame.facts.network_pending:
         return False
     milliseconds = network.finish(serial, fill.filled)
     if milliseconds is None:
         return False
-    network.presented = frame.facts["camera_key"]
+    network.presented = frame.camera.key
     frame.textures["neural"] = network.picture
-    frame.facts["network_pending"] = False
+    frame.facts = replace(frame.facts, network_pending=False)
     frame.times.add("network", milliseconds)
     return True

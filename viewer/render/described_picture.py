@@ -67,7 +67,7 @@ class Composer:
         if asked is None:
             return plain
         look, (tint, lock) = spec.edits.look, asked
-        key = (look, tint, lock, frame.facts.get("network_pending"))  # the network may add its picture later
+        key = (look, tint, lock, frame.facts.network_pending)  # the network may add its picture later
         made = self._made.get(view)
         if made is not None and made[0] is frame and made[1] == key:
             return made[2]

@@ -1,24 +1,70 @@
 """What a render returns: textures while they live, arrays on demand, and an honest account of how it was made."""
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     import moderngl
 
+    from ..picture.camera import Camera
     from .stage_times import Times
+
+_WHERE_KNOWN = {"where_known": True}
+"""Marks facts that the dictionary leaves out where they are None."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameFacts:
+    """How a frame was made.  The names are the keys of stats.json, in its order.
+
+    raster: the rasteriser that ran.  points_drawn: with those that ``occlusion`` counts as hidden.  points_missing: not on the
+    GPU yet.  device, network: what the network ran on, and which it was; None where none ran.  stations: "weighed" where
+    points count by where their scanner stood, else "equal".  approximations: in words, what makes the picture inexact.
+    occlusion: gives what was found hidden, and waits for the GPU; None where nothing was left out.  network_pending: of a
+    network that was left to its own thread, whether it still runs.  bridge: how pixels reach the network.
+    """
+
+    raster: str
+    points_drawn: int
+    points_missing: int
+    points_total: int
+    cells_drawn: int
+    cells_total: int
+    points_gpu_bytes: int
+    points_gpu_budget: int
+    points_gpu_budget_source: str
+    opengl: str
+    device: str | None = None
+    network: str | None = None
+    stations: str
+    approximations: tuple[str, ...]
+    occlusion: Callable[[], dict[str, Any]] | None = field(default=None, metadata=_WHERE_KNOWN)
+    network_pending: bool | None = field(default=None, metadata=_WHERE_KNOWN)
+    bridge: str | None = field(default=None, metadata=_WHERE_KNOWN)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The facts ready for JSON.  Waits for the GPU where cells were left out."""
+        found = {each.name: getattr(self, each.name) for each in fields(self)}
+        found["approximations"] = list(self.approximations)
+        if self.occlusion is not None:
+            found["occlusion"] = hidden = self.occlusion()
+            found["points_drawn"] -= hidden["points_hidden"]
+        absent = [each.name for each in fields(self) if "where_known" in each.metadata and found[each.name] is None]
+        return {name: value for name, value in found.items() if name not in absent}
 
 
 @dataclass
 class Frame:
-    """One picture in the views asked for.  Textures belong to the renderer and are valid until its next render."""
+    """One picture of a camera in the views asked for.  Textures belong to the renderer and are valid until its next render."""
 
+    camera: "Camera"
     textures: dict[str, "moderngl.Texture"]
     depth_texture: "moderngl.Texture"
     mask_texture: "moderngl.Texture | None"
-    facts: dict = field(repr=False)
+    facts: FrameFacts = field(repr=False)
     times: "Times" = field(repr=False)
 
     def image(self, view: str) -> np.ndarray:
@@ -39,12 +85,12 @@ class Frame:
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
 
     @property
-    def stats(self) -> dict:
+    def stats(self) -> dict[str, Any]:
         """total_ms; stages (name: ms on what ran it) and host (name: ms until that had it); points and cells drawn, what ran on
         what, approximations in force.  Waits for the GPU."""
         return {
             "total_ms": self.times.total(),
             "stages": dict(self.times.milliseconds()),
             "host": dict(self.times.host),
-            **{name: fact() if callable(fact) else fact for name, fact in self.facts.items()},
+            **self.facts.as_dict(),
         }

@@ -22,12 +22,11 @@ from ..picture.views import VIEWS, passes_of
 from .culling.cull import Culler, DrawList
 from .culling.enclosed_directions import OPEN, Directions, Enclosure
 from .culling.occlusion import GAP_LEVELS, History, Occlusion, may_hide
-from .deferred_network import camera_key as camera_key
 from .deferred_network import finish_network, start_network
 from .device.context import LOST, context_lost, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
-from .frame import Frame
+from .frame import Frame, FrameFacts
 from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
@@ -152,43 +151,32 @@ class Renderer(SizedPasses):
             edits=None if edits is None else block_of(edits, self.scene, camera))))
         pages, textures = self.pages, {"raw": rasteriser.colour}
         drawn = draw.points - pages.missing - pages.left_out - pages.lost
-        facts: dict = {
-            "raster": rasteriser.kind,
-            "points_drawn": drawn,
-            "points_missing": pages.missing,
-            "points_total": self.scene.count,
-            "cells_drawn": len(draw.cells),
-            "cells_total": len(self.scene.cell_coords),
-            "points_gpu_bytes": pages.nbytes,
-            "points_gpu_budget": pages.budget,
-            "points_gpu_budget_source": pages.budget_source,
-            "opengl": self.device.renderer,
-            "device": None,
-            "network": None,
-            "stations": "weighed" if weighted else "equal",  # a value of stats.json, kept
-            "approximations": [*self._approximations(settings), *pages.approximations],
-        }
+        facts = FrameFacts(
+            raster=rasteriser.kind, points_drawn=drawn, points_missing=pages.missing, points_total=self.scene.count,
+            cells_drawn=len(draw.cells), cells_total=len(self.scene.cell_coords), points_gpu_bytes=pages.nbytes,
+            points_gpu_budget=pages.budget, points_gpu_budget_source=pages.budget_source, opengl=self.device.renderer,
+            stations="weighed" if weighted else "equal",  # a value of stats.json, kept
+            approximations=(*self._approximations(settings), *pages.approximations),
+        )  # fmt: skip
         if used_history[0] and rasteriser.hider is not None:
             hider = rasteriser.hider
-            tally = cache(partial(hider.tally, hider.serial))
-            facts["occlusion"] = tally  # evaluated when asked for, and once: it waits for the GPU
-            facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
-            facts["approximations"].append("hidden cells skipped")
+            facts = replace(facts, occlusion=cache(partial(hider.tally, hider.serial)),  # once, when asked for
+                            approximations=(*facts.approximations, "hidden cells skipped"))
         mask = None
         if "filter" in passes:
             steps: list[DepthFilter | CpuDepthFilter] = []
             stages.run("filter", lambda: steps.append(self._filtered(settings, rasteriser)))
             textures["filtered"], mask = steps[0].filtered, steps[0].mask
             if "fill" in passes:
-                self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
-                              neural="network" in passes, defer_network=defer_network, streaming=streaming)
+                facts = self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
+                                      neural="network" in passes, defer_network=defer_network, streaming=streaming)
         stages.end()
-        return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
+        return Frame(camera, {v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
 
     def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 mask: "moderngl.Texture", facts: dict, textures: dict, *, neural: bool, defer_network: bool, streaming: bool
-                 ) -> None:
-        """Adds the filled view, and the neural one, to ``textures``, and to ``facts`` what ran."""
+                 mask: "moderngl.Texture", facts: FrameFacts, textures: dict, *, neural: bool, defer_network: bool,
+                 streaming: bool) -> FrameFacts:
+        """Adds the filled view, and the neural one, to ``textures``; returns ``facts`` with what ran."""
         stages = self._stages
         network = self._neural_for(settings, background=defer_network or streaming) if neural else None
         fill = self._fill = self._fill or Fill(self._programs, self._size)
@@ -205,20 +193,21 @@ class Renderer(SizedPasses):
             network=network.bridge.input if network else None))
         textures["filled"] = fill.filled
         if network is None:
-            return
+            return facts
+        pending = None
         if defer_network and network.deferrable:
-            start_network(network, camera, stages, facts, textures, serial=self._serial, wake=self._wake,
-                          missing=self.pages.missing)
+            pending = start_network(network, camera, stages, textures, serial=self._serial, wake=self._wake,
+                                    missing=self.pages.missing)
         else:
             network.drop()
             if not (defer_network or streaming):
                 network.settle()
             stages.run("network", network.infer)
             stages.run("present", lambda: network.present(fill.filled))
-            network.presented = camera_key(camera)
+            network.presented = camera.key
             textures["neural"] = network.picture
-        facts |= {"device": network.device, "network": network.name, "bridge": network.bridge_name}
-        facts["approximations"] = [*facts["approximations"], *network.approximations]
+        return replace(facts, device=network.device, network=network.name, bridge=network.bridge_name, network_pending=pending,
+                       approximations=(*facts.approximations, *network.approximations))
 
     def finish_network(self, frame: Frame) -> bool:
         """Adds the neural view to a frame that was rendered with ``defer_network``, if its network has ended.

@@ -27,15 +27,15 @@ NEAREST = 4.0
 
 def measured_under(context: "ToolContext", position: tuple[float, float]) -> np.ndarray | None:
     """(3,) the nearest measured point around a position of the picture on the screen; None where none is near."""
-    frame, camera = context.viewport.frame, context.viewport.frame_camera
-    if frame is None or camera is None:
+    frame = context.viewport.frame
+    if frame is None:
         return None
     depth = frame.depth()
     scale = depth.shape[0] / context.camera.height
     pixel = nearest_pixel(frame.mask(), depth, (position[0] * scale, position[1] * scale), context.pixels(RADIUS) * scale)
     if pixel is None:
         return None
-    return camera.unproject([(pixel[0] + 0.5, pixel[1] + 0.5)], float(depth[pixel[1], pixel[0]]))[0]
+    return frame.camera.unproject([(pixel[0] + 0.5, pixel[1] + 0.5)], float(depth[pixel[1], pixel[0]]))[0]
 
 
 def pivot_at(context: "ToolContext", position: tuple[float, float]) -> np.ndarray:

@@ -34,7 +34,7 @@ class WhatIsReal(Tool):
         frame, view = context.viewport.frame, context.session.screen.drawn[-1]
         if frame is None or context.session.flight.moving or view not in frame.textures:
             return
-        pending = bool(frame.facts.get("network_pending"))
+        pending = bool(frame.facts.network_pending)
         seen = (view, pending, context.document.lock_measured)
         if frame is self._frame and seen == self._seen:
             return

@@ -48,7 +48,7 @@ class PhotoLayer:
         hidden = distance * (metres or 1.0) > IN_PLACE
         photo = self._photo(frame, sized, chosen.photo, self._nearest(chosen.photo, scene) if hidden else None)
         split = round(chosen.split_at * width) if chosen.split else None
-        key = (id(photo), picture.glo, frame.facts.get("network_pending"), share, split)
+        key = (id(photo), picture.glo, frame.facts.network_pending, share, split)
         if self._made.get(view, (None,))[0] == key:
             return self._textures[view]
         image = np.frombuffer(picture.read(alignment=1), np.uint8).reshape(height, width, 4)

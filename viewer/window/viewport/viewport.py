@@ -56,7 +56,7 @@ def as_planned(spec: "PictureSpec", plan: "Plan") -> "PictureSpec":
 class Viewport:
     """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
-    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none; frame_camera: its camera.
+    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
     context: the window's.  canvas: what the window shows, None until something was shown.
     memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
     """
@@ -71,7 +71,6 @@ class Viewport:
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
-        self.frame_camera: Camera | None = None
         self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
@@ -163,7 +162,6 @@ class Viewport:
         session.picture.contended = self.shares_processors and renderer.network_busy
         plan, spec = session.screen.plan, session.spec
         planned = as_planned(spec, plan)
-        self.frame_camera = planned.camera
         try:
             self.frame = render(renderer, planned, self._seen if plan.hides else None,
                                 more=("filled",) if plan.deferred else (), streaming=True, defer_network=plan.deferred)
@@ -187,7 +185,7 @@ class Viewport:
         """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
         if plan.moving:
             return False
-        return not frame.facts["points_missing"] and not np.isfinite(frame.depth()).any()
+        return not frame.facts.points_missing and not np.isfinite(frame.depth()).any()
 
     def measured_point(self, position: tuple[float, float] | None) -> np.ndarray | None:
         """(3,) file coordinates: the nearest measured surface at a position in pixels of the picture, at rest; else None."""
@@ -228,10 +226,10 @@ class Viewport:
         self.settle()
         if plan.moving and self.renderer is not None and not self.renderer.device.software:
             facts = frame.facts
-            self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
+            self._session.shown(plan, hides=facts.occlusion is not None, approximations=facts.approximations)
             self._untold = plan, frame
             return
-        stats, pending = frame.stats, "network_pending" in frame.facts
+        stats, pending = frame.stats, frame.facts.network_pending is not None
         if not pending:
             self._session.drew(plan, stats)
             return
@@ -292,7 +290,7 @@ class Viewport:
             return None
         plan, spec = session.screen.full_plan, session.spec
         if self.frame is None or not session.screen.exact:
-            self.frame, self.frame_camera, self._shown = render(self.renderer, spec), spec.camera, spec.views
+            self.frame, self._shown = render(self.renderer, spec), spec.views
             self._tell(plan, self.frame)
         images = [read_picture(self._developed(view)) for view in spec.views]
         return joined(images, spec.background, spec.views, spec.split_at)
