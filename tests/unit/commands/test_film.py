@@ -66,8 +66,12 @@ def test_a_camera_path_is_frames_where_it_is_as_long_as_it_says_and_keyframes_ot
     assert len(read_path(file, seconds=1, fps=30)[0]) == 30
 
 
-@pytest.mark.parametrize(("change", "said"), [({"fps": -1}, "fps -1"), ({"seconds": "long"}, "seconds 'long'"),
-                                               ({"seconds": 1e9}, "frames")])
+@pytest.mark.parametrize(("change", "said"), [
+    ({"fps": -1}, "fps -1"),
+    ({"fps": 65536}, "fps 65536: expected at most 1000; give --fps"),
+    ({"seconds": "long"}, "seconds 'long'"),
+    ({"seconds": 1e9}, "frames"),
+])  # fmt: skip
 def test_a_path_with_impossible_times_is_refused(tmp_path, change, said):
     file = tmp_path / "camera_path.json"
     write_camera_path(file, [key((0, 0, 1), (1, 0, 1))])

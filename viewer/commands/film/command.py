@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 FRAMES_A_SECOND = 24.0
 MOST_FRAMES = 1_000_000
+MOST_FRAMES_A_SECOND = 1000
 _LARGEST_TIMING = 1e300
 """Frames a second or seconds that a file may state; JSON allows whole numbers that no float holds."""
 PANORAMA_SIZE = (4096, 2048)
@@ -67,8 +68,12 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
     for name, value in (("--fps", fps), ("--seconds", seconds)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(f"{name} {value:g}: expected a number above 0")
+    if fps is not None and fps > MOST_FRAMES_A_SECOND:
+        raise InputError(f"--fps {fps:g}: expected a number above 0, at most {MOST_FRAMES_A_SECOND}")
     cameras = read_cameras(path, size=size)
     own_fps, own_seconds = _timing(path)
+    if fps is None and own_fps is not None and own_fps > MOST_FRAMES_A_SECOND:
+        raise InputError(f"{path}: fps {own_fps:g}: expected at most {MOST_FRAMES_A_SECOND}; give --fps")
     rate = fps or own_fps or FRAMES_A_SECOND
     length = seconds or own_seconds
     count = len(cameras) if length is None else max(1, round(length * rate))

@@ -41,7 +41,7 @@ def interpolate(keys: Sequence[Camera], count: int) -> list[Camera]:
     if len(keys) == 1 or count == 1:
         return [_named(first, number) for number in range(count)]
     curve = _Curve(keys)
-    return [curve.camera(u, number) for number, u in enumerate(curve.even(count))]
+    return curve.cameras(curve.even(count))
 
 
 def passing_shares(keys: Sequence[Camera]) -> np.ndarray:
@@ -101,14 +101,15 @@ class _Curve:
         increasing = np.concatenate([[True], np.diff(along) > 0])
         return dense[increasing], along[increasing]
 
-    def camera(self, u: float, number: int) -> Camera:
-        matrix = np.eye(4)
-        matrix[:3, :3] = self._turn(u).as_matrix()
-        matrix[:3, 3] = self._position(u) + self._centre
-        fx, fy, cx, cy = self._lens(u)
+    def cameras(self, us: np.ndarray) -> list[Camera]:
+        """The camera at each of these parameters, (N,)."""
+        matrices = np.tile(np.eye(4), (len(us), 1, 1))
+        matrices[:, :3, :3] = self._turn(us).as_matrix()
+        matrices[:, :3, 3] = self._position(us) + self._centre
         width, height = self._first.width, self._first.height
-        return Camera(width, height, float(fx * height), float(fy * height), float(cx * width), float(cy * height), matrix,
-                      frame_name(number))
+        lenses = (self._lens(us) * (height, height, width, width)).tolist()
+        return [Camera(width, height, *lens, matrix, frame_name(number))
+                for number, (lens, matrix) in enumerate(zip(lenses, matrices))]
 
 
 def frame_name(number: int) -> str:
