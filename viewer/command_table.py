@@ -24,11 +24,12 @@ def _demo_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _render_options(parser: argparse.ArgumentParser) -> None:
+    from .work.cameras.camera_files import KNOWN_CAMERAS
+
     add_scans(parser)
     add_exposures(parser)
     cameras = parser.add_mutually_exclusive_group(required=True)
-    cameras.add_argument("--cameras", type=Path, metavar="F",
-                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
+    cameras.add_argument("--cameras", type=Path, metavar="F", help=KNOWN_CAMERAS)
     cameras.add_argument("--like", type=Path, metavar="SHOT.png",
                          help="draw a picture again that pointglass saved: with its camera, settings, background and exposures")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",

@@ -5,7 +5,7 @@ import pytest
 
 from pointglass.viewer import cli
 from pointglass.viewer.commands.exporting.command import export
-from pointglass.viewer.commands.exporting.targets import ENDINGS
+from pointglass.viewer.commands.exporting.targets import TARGETS
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
@@ -37,7 +37,7 @@ def rows(scene, keep=None):
     return table[np.lexsort(table.T)]
 
 
-@pytest.mark.parametrize("suffix", ENDINGS)
+@pytest.mark.parametrize("suffix", TARGETS)
 @pytest.mark.parametrize(("seed", "origin", "size"), [(1, (0, 0, 0), 12.0), (2, (636_000.0, 5_848_000.0, 400.0), 900.0)])
 def test_an_export_opened_again_holds_exactly_the_points(tmp_path, suffix, seed, origin, size):
     scene = random_scene(seed, origin=origin, size=size)

@@ -130,11 +130,11 @@ from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.colour_modes import levels, ramp_colours
 from pointglass.viewer.picture.look import Look, tone_curves, toned
 from pointglass.viewer.picture.settings import Settings
-from pointglass.viewer.render.developed_views import DevelopedViews
 from pointglass.viewer.render.device.context import create_context
 from pointglass.viewer.render.device.shader import Programs
-from pointglass.viewer.render.passes.develop import read_picture
-from pointglass.viewer.render.raster.edits import Edits, ends_of
+from pointglass.viewer.render.passes.develop import Developer, read_picture
+from pointglass.viewer.picture.edits import Edits
+from pointglass.viewer.render.raster.edit_block import ends_of
 from pointglass.viewer.render.renderer import Renderer
 from dataclasses import replace
 
@@ -159,7 +159,7 @@ print("coloured")
 frame = renderer.render(camera, Settings(view="filled"))
 plain = frame.image("filled").copy()
 look = Look(contrast=0.7)
-made = read_picture(DevelopedViews(Programs(context)).texture(frame, "filled", look, tint=False, lock=False))
+made = read_picture(Developer(Programs(context), (96, 72)).run(frame, "filled", look))
 assert np.array_equal(made, toned(plain, tone_curves(look))) and (made != plain).mean() > 0.3
 print("developed")
 

@@ -30,6 +30,21 @@ def test_it_is_short_and_has_the_controls_that_there_are():
     assert table_markdown() in TEXT
 
 
+def test_it_names_every_format_that_is_read_and_written():
+    from pointglass.viewer.command_table import _COMMANDS
+    from pointglass.viewer.commands.exporting.targets import TARGETS
+    from pointglass.viewer.readers.formats import FORMATS
+    from pointglass.viewer.work.cameras.camera_files import CAMERA_FORMATS
+
+    rows = dict(re.findall(r"^\| (scans|folders|cameras|output) \| (.*) \|$", TEXT, re.MULTILINE))
+    read = [name.split()[0] for row in FORMATS for name in row.names]
+    assert [name for name in read if name not in rows["scans"] + rows["folders"]] == []
+    cameras = [name.removeprefix("a ").split()[0] for row in CAMERA_FORMATS for name in row.names]
+    assert [name for name in cameras if name not in rows["cameras"]] == []
+    for text in (rows["output"], _COMMANDS["export"][0]):
+        assert [row.name for row in TARGETS.values() if row.name not in text] == []
+
+
 def test_its_links_lead_somewhere():
     links = [link for link in re.findall(r"\]\(([^)]*)\)", TEXT) if "://" not in link]
     assert links and [link for link in links if not (ROOT / link).exists()] == []

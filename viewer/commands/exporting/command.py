@@ -19,7 +19,7 @@ from ...work.selection import Selection, clips_of
 from ..open_project import opened
 from .losses import Losses
 from .reproject import target_of
-from .targets import bytes_needed, check_ending, write
+from .targets import TARGETS, bytes_needed, check_ending, write
 
 _FOLDER_FILES = ("cloud.js", "ept.json", "metadata.json")
 """Files that describe a scan of many files in their folder."""
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="F",
-        help="the file to write; its ending decides the format: .las, .laz, .ply, .e57",
+        help=f"the file to write; its ending decides the format: {', '.join(TARGETS)}",
     )
     parser.add_argument(
         "--clip",

@@ -14,6 +14,7 @@ from ...readers.las.las_source import LasSource
 from ...readers.source import Source
 from .formats.las_layout import EXTRA_BYTES, LASZIP, PROJECTION, WAVEFORM_PACKETS, LasLayout, Record, read_layout, vlr
 from .losses import Losses
+from .target import Target
 
 _COPC = (("copc", 1), ("copc", 1000))
 _OF_POINTS = {LASZIP, EXTRA_BYTES, WAVEFORM_PACKETS, *_COPC}
@@ -28,12 +29,12 @@ _MOST_NAMED = 6
 """Records that a sentence names."""
 
 
-def name_left_behind(sources: list[Source], ending: str, losses: Losses) -> None:
-    """Names what the sources have and a file with this ending, written from columns, has not.  LAS records: kept_records."""
+def name_left_behind(sources: list[Source], target: Target, losses: Losses) -> None:
+    """Names what the sources have and a file of a format, written from columns, has not.  LAS records: kept_records."""
     layouts = [read_layout(source.path) for source in sources if isinstance(source, LasSource)]
     if any(layout.waveforms for layout in layouts):
         losses.add("waveforms are left out")
-    if ending not in (".las", ".laz"):
+    if not target.las:
         _name_records([record for layout in layouts for record in _further(layout)], "are left out", losses)
     photographs, texts, groups, poses = 0, dict[str, None](), False, 0
     for source in sources:
@@ -52,8 +53,8 @@ def name_left_behind(sources: list[Source], ending: str, losses: Losses) -> None
         losses.add("groups of E57 records (pointGroupingSchemes) are left out")
     name_texts(texts, losses)
     stations = sum(scan.position is not None for source in sources for scan in source.scans)
-    if ending != ".e57" and (stations or poses):
-        losses.add(omitted(max(stations, poses), "scanner position") + f", for which {ending[1:].upper()} has no field")
+    if not target.poses and (stations or poses):
+        losses.add(omitted(max(stations, poses), "scanner position") + f", for which {target.name} has no field")
 
 
 def omitted(number: int, what: str, more: str = "") -> str:

@@ -21,6 +21,7 @@ from ...readers.source import ScanInfo
 from .columns import Piece, Stream, Survey
 from .crs_records import Reference, reference_of, without_sources
 from .losses import Losses
+from .target import Target
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -137,9 +138,9 @@ class Reprojected:
                 continue
             yield replace(piece, xyz=xyz)
 
-    def check(self, found: Survey, ending: str) -> None:
+    def check(self, found: Survey, target: Target) -> None:
         """After the first pass.  Raises InputError where points cannot be transformed.  found: its decimals are set to what
-        transformed coordinates are worth.  ending: of the file."""
+        transformed coordinates are worth.  target: the file's format."""
         if self._failed:
             raise InputError(f"--reproject {self.code}: {self._failed:,} of {self._seen:,} points cannot be transformed to it; "
                              "leave them out by --clip, or choose another system")  # fmt: skip
@@ -147,13 +148,13 @@ class Reprojected:
             found.decimals[:2] = np.minimum(found.decimals[:2], _MOST_DECIMALS)
         if self._heights_changed:
             found.decimals[2] = min(found.decimals[2], _MOST_DECIMALS)
-        if self._las_only and ending in (".las", ".laz"):  # colours stay as they are, also those of 8 bits
+        if self._las_only and target.las:  # colours stay as they are, also those of 8 bits
             found.depth = {source: 16 if bits else 0 for source, bits in found.depth.items()}
         if any(name.lower() in _DIRECTIONS for name in found.columns):
             self._losses.add("directions such as normals keep the axes of the scan's system")
-        if ending == ".e57" and self._degrees:
+        if target.poses and self._degrees:
             self._losses.add("coordinates are degrees: scans are written without poses")
-        elif ending == ".e57" and self._rotated:
+        elif target.poses and self._rotated:
             self._losses.add("scans keep their positions; rotations of poses are not written")
 
     def scan_info(self) -> list[ScanInfo]:

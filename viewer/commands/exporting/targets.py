@@ -1,11 +1,12 @@
 """Which writer makes a file: a copy of whole records where source and target have one format, else columns."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...common.errors import InputError
 from ...work.selection import Selection
-from .columns import GridColumns, SourceColumns, survey
+from .columns import GridColumns, SourceColumns, Stream, Survey, survey
 from .crs_records import Reference, reference_of, without_sources
 from .formats.e57_copy import can_copy as can_copy_e57
 from .formats.e57_copy import copy_e57
@@ -20,25 +21,22 @@ from .left_behind import kept_records, name_left_behind
 from .losses import Losses
 from .record_stream import SourceRecords, refuse_empty, why_gone
 from .reproject import Reprojected
+from .target import Target
 from .whole_file import can_copy as can_copy_file
 from .whole_file import copy_file
-
-ENDINGS = (".las", ".laz", ".ply", ".e57")
-_BYTES = {".ply": 32, ".las": 30, ".laz": 6, ".e57": 20}
-"""Of a point at least, to refuse a full disk before the work."""
 
 
 def check_ending(path: Path) -> None:
     """Raises InputError unless the name's ending is known."""
-    if path.suffix.lower() not in ENDINGS:
-        raise InputError(f"--out {path}: expected a name ending in {', '.join(ENDINGS)}")
+    if path.suffix.lower() not in TARGETS:
+        raise InputError(f"--out {path}: expected a name ending in {', '.join(TARGETS)}")
 
 
 def bytes_needed(path: Path, selection: Selection) -> int:
     """A low estimate of a file's size; 0 where a selection decides it."""
     if selection.clips or selection.within or selection.hidden:
         return 0
-    return selection.scene.count * _BYTES[path.suffix.lower()]
+    return selection.scene.count * TARGETS[path.suffix.lower()].least_bytes
 
 
 def write(
@@ -48,7 +46,7 @@ def write(
     """Writes the file; returns the number of points.  reproject: as from reproject.target_of.
 
     Raises InputError, also where the selection leaves no point."""
-    scene, kind = selection.scene, path.suffix.lower()
+    scene, target = selection.scene, TARGETS[path.suffix.lower()]
     if (reason := why_gone(scene)) is not None:
         losses.add(
             f"{reason}: points are written as the grid has them, {scene.step / 2:.2g} file units exact, without other columns"
@@ -59,22 +57,20 @@ def write(
             grid = Reprojected(grid, scene, (), reproject, losses)
         return _write_columns(path, grid, selection, without_sources(scene.meta), losses, 2.0**-53, all_columns)
     records = SourceRecords(selection, columns, matched=matched)
-    if reproject is None and can_copy_file(records, kind):
+    if reproject is None and can_copy_file(records, target):
         return copy_file(path, records)
     reference = Reference() if reproject is not None else reference_of(scene.meta, records.sources, losses)
-    if reproject is None and kind in (".las", ".laz") and can_copy_las(records.sources):
-        count = copy_las(path, records, reference, losses)
-    elif reproject is None and kind == ".e57" and can_copy_e57(records.sources) and to_metres(scene.meta, reference) is None:
-        tell_unit(scene.meta, reference, losses)
-        count = copy_e57(path, records, reference, losses)
-    else:
+    count = None
+    if reproject is None and target.copy is not None:
+        count = target.copy(path, records, scene.meta, reference, losses)
+    if count is None:
         stream = moved = SourceColumns(records)
         precision = max(source.precision for source in records.sources)
         if reproject is not None:
             moved, precision = Reprojected(stream, scene, records.sources, reproject, losses), 2.0**-53
             reference = moved.reference
-        name_left_behind(records.sources, kind, losses)
-        kept = kept_records(records.sources, losses) if kind in (".las", ".laz") else ()
+        name_left_behind(records.sources, target, losses)
+        kept = kept_records(records.sources, losses) if target.las else ()
         count = _write_columns(path, moved, selection, reference, losses, precision, all_columns, kept)
         if stream.lost or stream.far:
             losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
@@ -87,26 +83,71 @@ def write(
 
 
 def _write_columns(
-    path: Path, stream, selection: Selection, reference, losses: Losses, precision: float, all_columns: bool,
+    path: Path, stream, selection: Selection, reference: Reference, losses: Losses, precision: float, all_columns: bool,
     kept: Sequence[Record] = (),
 ) -> int:
-    kind, meta = path.suffix.lower(), selection.scene.meta
+    target, meta = TARGETS[path.suffix.lower()], selection.scene.meta
     sources = [Path(name) for name in meta.get("sources") or []]
     found = survey(stream)
     if isinstance(stream, Reprojected):
-        stream.check(found, kind)
+        stream.check(found, target)
         meta, reference = stream.meta, stream.reference
     if found.count == 0:
         raise refuse_empty(selection.scene)
-    if kind == ".ply":
-        write_ply(path, stream, found, reference, losses, crs=meta.get("crs"), units=meta.get("units"), all_columns=all_columns)
-    elif kind == ".e57":
-        tell_unit(meta, reference, losses)
-        factor = to_metres(meta, reference)
-        write_e57(path, stream if factor is None else Metres(stream, factor), found, reference, losses)
-    else:
-        degrees, standard = meta.get("units") == "degree", has_standard_time(sources)
-        write_las(
-            path, stream, found, reference, losses, precision=precision, degrees=degrees, standard_time=standard, records=kept
-        )
+    target.write(Columns(path, stream, found, reference, losses, meta, sources, precision, all_columns, kept))
     return found.count
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What a file is written from.  found: of ``stream``.  meta: of the scene, or of reprojected points.  sources: its files.
+    precision: of the sources' numbers.  all_columns: PLY only.  kept: further records, LAS only."""
+
+    path: Path
+    stream: Stream
+    found: Survey
+    reference: Reference
+    losses: Losses
+    meta: dict
+    sources: list[Path]
+    precision: float
+    all_columns: bool
+    kept: Sequence[Record]
+
+
+def _write_las(given: Columns) -> None:
+    degrees, standard = given.meta.get("units") == "degree", has_standard_time(given.sources)
+    write_las(given.path, given.stream, given.found, given.reference, given.losses, precision=given.precision, degrees=degrees,
+              standard_time=standard, records=given.kept)
+
+
+def _copy_las(path: Path, records: SourceRecords, _: dict, reference: Reference, losses: Losses) -> int | None:
+    return copy_las(path, records, reference, losses) if can_copy_las(records.sources) else None
+
+
+def _write_ply(given: Columns) -> None:
+    write_ply(given.path, given.stream, given.found, given.reference, given.losses, crs=given.meta.get("crs"),
+              units=given.meta.get("units"), all_columns=given.all_columns)
+
+
+def _write_e57(given: Columns) -> None:
+    tell_unit(given.meta, given.reference, given.losses)
+    factor = to_metres(given.meta, given.reference)
+    stream = given.stream if factor is None else Metres(given.stream, factor)
+    write_e57(given.path, stream, given.found, given.reference, given.losses)
+
+
+def _copy_e57(path: Path, records: SourceRecords, meta: dict, reference: Reference, losses: Losses) -> int | None:
+    if not can_copy_e57(records.sources) or to_metres(meta, reference) is not None:
+        return None
+    tell_unit(meta, reference, losses)
+    return copy_e57(path, records, reference, losses)
+
+
+TARGETS: dict[str, Target] = {
+    ".las": Target("LAS", 30, _write_las, ("LAS",), _copy_las, las=True),
+    ".laz": Target("LAZ", 6, _write_las, ("LAZ", "COPC"), _copy_las, las=True),
+    ".ply": Target("PLY", 32, _write_ply),
+    ".e57": Target("E57", 20, _write_e57, ("E57",), _copy_e57, poses=True),
+}
+"""Ending of a file's name -> its format."""

@@ -8,18 +8,17 @@ from pathlib import Path
 
 from ...common.progress import progress
 from .record_stream import SourceRecords
+from .target import Target
 
-_ENDINGS = {"LAS": ".las", "LAZ": ".laz", "COPC": ".laz", "E57": ".e57"}
-"""Ending of a file's name by its format."""
 _BLOCK = 1 << 24
 """Bytes copied at a time."""
 
 
-def can_copy(stream: SourceRecords, ending: str) -> bool:
+def can_copy(stream: SourceRecords, target: Target) -> bool:
     """Whether the file to write is the only source as it is: nothing left out, recoloured or assigned."""
     source = stream.sources[0]
     plain = stream.everything and stream.colours is None and not stream.scene.meta.get("assigned")
-    return len(stream.sources) == 1 and plain and _ENDINGS.get(source.format) == ending and source.path.is_file()
+    return len(stream.sources) == 1 and plain and source.format in target.same and source.path.is_file()
 
 
 def copy_file(path: Path, stream: SourceRecords) -> int:

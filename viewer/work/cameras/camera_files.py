@@ -4,8 +4,8 @@ Whatever a file's own axes, what comes back is :class:`viewer.picture.camera.Cam
 scan's coordinates.  Distortion is refused, never ignored.  Every error is one line with file, frame and value.
 """
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,20 @@ from .nerfstudio import read_json
 from .parse import read_text, shown
 from .tum import read_tum
 
+_COLMAP_FILES = ("images.txt", "cameras.txt", "images.bin", "cameras.bin")
 _UNDISTORTED = ("nerfstudio/transforms_undistorted.json", "dslr/nerfstudio/transforms_undistorted.json")  # of ScanNet++
 _TRANSFORMS = ("transforms.json", "nerfstudio/transforms.json", "dslr/nerfstudio/transforms.json")
+
+
+@dataclass(frozen=True)
+class CameraFormat:
+    """names: in the help.  endings: of its files.  place: what is to be read for a path, None where it is of another format.
+    read: reads that; its second argument is (width, height) of the pictures, for files that hold none."""
+
+    names: tuple[str, ...]
+    endings: tuple[str, ...]
+    place: Callable[[Path], Path | None]
+    read: Callable[[Path, tuple[int, int] | None], list[Camera]]
 
 
 def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Camera]:
@@ -46,25 +58,31 @@ def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Cam
 
 def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
     refuse_address(path)
-    if path.is_dir():
-        undistorted = next((path / place for place in _UNDISTORTED if (path / place).is_file()), None)
-        folder = find_model(path) if undistorted is None else None
-        if folder is None:
-            if beside := undistorted or next((path / place for place in _TRANSFORMS if (path / place).is_file()), None):
-                return read_json(beside, size)
-            raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in "
-                             "this folder")  # fmt: skip
-        return _read_colmap(folder)
-    if not path.is_file():
+    if not path.is_dir() and not path.is_file():
         raise InputError(f"{path}: no such camera file")
-    if path.name in ("images.txt", "cameras.txt", "images.bin", "cameras.bin"):
-        return _read_colmap(path.parent)
-    if path.suffix.lower() == ".json" or read_text(path).lstrip()[:1] in ("{", "["):
-        return read_json(path, size)
-    return read_tum(path, size)
+    for row in CAMERA_FORMATS:
+        if (place := row.place(path)) is not None:
+            return row.read(place, size)
+    raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in this "
+                     "folder")  # fmt: skip
 
 
-def _read_colmap(folder: Path) -> list[Camera]:
+def _json_place(path: Path) -> Path | None:
+    """The JSON file, that of a folder too; where a folder has COLMAP's files as well, only an undistorted one."""
+    if path.is_dir():
+        names = _UNDISTORTED if find_model(path) else (*_UNDISTORTED, *_TRANSFORMS)
+        return next((path / name for name in names if (path / name).is_file()), None)
+    if path.name in _COLMAP_FILES:
+        return None
+    return path if path.suffix.lower() == ".json" or read_text(path).lstrip()[:1] in ("{", "[") else None
+
+
+def _colmap_place(path: Path) -> Path | None:
+    """The folder of the model."""
+    return find_model(path) if path.is_dir() else path.parent if path.name in _COLMAP_FILES else None
+
+
+def _read_colmap(folder: Path, _: tuple[int, int] | None) -> list[Camera]:
     """A COLMAP model from its text files where they are there, else from its binary ones."""
     for suffix, read in ((".txt", read_text_model), (".bin", read_binary_model)):
         if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
@@ -75,6 +93,19 @@ def _read_colmap(folder: Path) -> list[Camera]:
                 raise InputError(f"{folder / missing}{suffix}: no such file; COLMAP cameras need cameras{suffix} and "
                                  f"images{suffix} together")
     raise InputError(f"{folder}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
+
+
+CAMERA_FORMATS = (
+    CameraFormat(("transforms.json", "camera_path.json"), (".json",), _json_place, read_json),
+    CameraFormat(("a COLMAP folder",), (".txt", ".bin"), _colmap_place, _read_colmap),
+    CameraFormat(("a TUM trajectory",), (".txt",), lambda path: path if path.is_file() else None, read_tum),
+)
+"""In the order in which they are tried."""
+_NAMES = [name for row in CAMERA_FORMATS for name in row.names]
+KNOWN_CAMERAS = f"{', '.join(_NAMES[:-1])} or {_NAMES[-1]}"
+"""For the help."""
+CAMERA_ENDINGS = tuple(dict.fromkeys(ending for row in CAMERA_FORMATS for ending in row.endings))
+"""For file dialogs."""
 
 
 def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None) -> None:

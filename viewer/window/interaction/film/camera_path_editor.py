@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from ....common.errors import PointglassError
+from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_camera_path
 from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_cameras
 from ....work.document import Keyframe, Viewpoint, replaced, unique_name, without
 from ...flight.navigation import view_along
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 STEP = 3.0
 """Seconds from one new keyframe to the next."""
 WRITTEN = {"Camera path": (".json",)}
-READ = {"Cameras": (".json", ".txt", ".bin", ".png")}
+READ = {"Cameras": CAMERA_ENDINGS}
 """Files of cameras that are written and read: kind -> endings."""
 _CURVE = 96
 """Places of the path that are drawn over the picture."""
@@ -108,8 +109,6 @@ class CameraPathEditor:
 
     def read_path(self, context: ToolContext, file: Path) -> None:
         """Replaces the keyframes by the cameras of ``file``."""
-        from ....work.cameras.camera_files import read_cameras
-
         try:
             cameras = read_cameras(file)
         except PointglassError as error:
@@ -122,8 +121,6 @@ class CameraPathEditor:
         """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
 
         size: of its pictures, pixels."""
-        from ....work.cameras.camera_files import write_camera_path
-
         path = context.document.path
         keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
         cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
