@@ -28,7 +28,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="measure flicker along the scene's path, if it has one (default: yes)")
     parser.add_argument("--frames", type=int, default=20, metavar="N",
                         help="number of frames from the middle of the path (0: all; default 20)")
-    parser.add_argument("--precision", action="store_true", help="also compare fp16 and bf16 with fp32")
     parser.add_argument("--paper-table", action="store_true",
                         help="print the paper's table instead, for a folder of ScanNet++ or other data: two sizes, 100 %% and "
                              "10 %% of the points")
@@ -68,7 +67,6 @@ def run(options: argparse.Namespace) -> int:
     from ..common.errors import DataError
     from ..network.weights_folder import weights_dir
     from .outside import parse_outside
-    from .precision import precision_of_scene
     from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
     from .room_scores import evaluate
     from .worse import Worst, ratio_of_room
@@ -90,8 +88,6 @@ def run(options: argparse.Namespace) -> int:
             views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
             flicker=options.flicker, frames=options.frames or None, fast=options.fast, worst=worst,
         ))
-        if options.precision:
-            results[-1]["precision"] = precision_of_scene(folder, files, options.densities)
     results.sort(key=ratio_of_room, reverse=True)
     print("\n\n".join(format_table(result) for result in results))
     if options.json:
@@ -104,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-_NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposures": "both", "flicker": True, "frames": 20,
+_NOT_IN_PAPER_TABLE = {"outside": [], "plot": None, "exposures": "both", "flicker": True, "frames": 20,
                        "fast": False, "worst": None}
 """Options that ``--paper-table`` ignores, with their defaults."""
 

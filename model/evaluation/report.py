@@ -38,10 +38,6 @@ MOVES = (
     Column("points", "density", "{:.4g}%"), Column("exposure", "exposure", "{}"), Column("flicker", "flicker", "{:.2f}"),
     Column("gradient", "gradient", "{:.3f}"), Column("change", "change", "{:.4f}"), Column("compared", "valid", "{:.3f}"),
 )
-PRECISIONS = (
-    Column("numbers", "precision", "{}"), Column("scale", "scale", "{:g}"), Column("largest", "largest", "{:.4f}"),
-    Column("99.9 %", "percentile", "{:.4f}"), Column("PSNR", "psnr", "{:.2f}"), Column("NaN", "nan", "{:d}"),
-)
 
 
 def _cell(row: dict, column: Column) -> str:
@@ -90,9 +86,6 @@ def format_table(result: dict) -> str:
         lines += ["", f"along {result['frames']} frames of the path: change between successive frames (flicker) and gradient "
                       "energy, 1 = as the true pictures"]
         lines += table(sorted(result["flicker"], key=lambda r: (-r["density"], -r["flicker"])), MOVES)
-    if result.get("precision"):
-        lines += ["", "against fp32: absolute differences of colours in 0..1; scale: file units per metre"]
-        lines += table(result["precision"], PRECISIONS)
     return "\n".join(lines)
 
 

@@ -292,7 +292,8 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | 
 
 
 def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path | None) -> None:
-    from ..evaluation import evaluate, format_table
+    from ..evaluation.report import format_table
+    from ..evaluation.room_scores import evaluate
 
     result = evaluate(validation, weights=made, distance_path=perceptual)
     print(format_table(result), flush=True)

@@ -14,10 +14,10 @@ import pointglass.model.evaluation.room_scores as scene_module
 from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import load_scene, scan_stations
 from pointglass.model.data.surfaces.projected import Projected, project_scan
-from pointglass.model.evaluation import evaluate, format_table, save
 from pointglass.model.evaluation.methods import WEIGHTED, thinned, view_points
 from pointglass.model.evaluation.open3d_points import Open3DError, Open3DPoints
-from pointglass.model.evaluation.report import plot
+from pointglass.model.evaluation.report import format_table, plot, save
+from pointglass.model.evaluation.room_scores import evaluate
 from pointglass.model.network.unet import PaperUNet, mac_per_pixel
 from pointglass.model.network.weights import load_weights
 from pointglass.model.network.weights_folder import weights_dir

@@ -1,5 +1,6 @@
-"""The evaluation's figures agree with hand computation: of a picture, of matched exposures, of half precision."""
+"""The evaluation's figures agree with hand computation: of a picture, of matched exposures."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,17 +14,12 @@ import pointglass.model.evaluation.room_scores as scene_module
 from pointglass.model.appearance.exposure import exposures_of, match_exposures
 from pointglass.model.data.dataset import Scan
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
-from pointglass.model.data.surfaces.projected import Projected, project_scan
-from pointglass.model.evaluation import precision_table, true_visibility
-from pointglass.model.evaluation.methods import TRUE, thinned
+from pointglass.model.data.surfaces.projected import Projected, picture, project_scan
+from pointglass.model.evaluation.methods import TRUE, thinned, true_visibility
 from pointglass.model.evaluation.metrics.figures import Truth
 from pointglass.model.evaluation.metrics.image_metrics import gradient_energy, masked_error, masked_psnr, ssim
 from pointglass.model.evaluation.metrics.perceptual import SQUEEZE_FILES, SqueezeDistance
-from pointglass.model.evaluation.precision import scaled_input
 from pointglass.model.evaluation.room_scores import matched_colours
-from pointglass.model.network.unet import CompactUNet, Size
-from pointglass.model.network.weights import WeightsError
-from pointglass.model.network.weights_folder import weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -183,44 +179,17 @@ def seen(room) -> tuple[Projected, torch.Tensor, float]:
     return left, rgb_of(SimpleNamespace(rgb=lambda: scene.views[0].rgb().copy())), scene_module.scan_spacing(scan) / 0.5**0.5
 
 
-def _scaled(seen, scale: float):
-    points, truth, spacing = seen
-    return scaled_input(points, truth, spacing, scale, filtered=True)
+def _scaled(seen, scale: float) -> torch.Tensor:
+    """(5, H, W) network input with the scan in other units."""
+    points, _, spacing = seen
+    other = replace(points, z=points.z * torch.tensor(scale, dtype=points.z.dtype))
+    return picture(other, torch.ones(len(points.z), dtype=torch.bool), spacing * scale, "auto")
 
 
 @pytest.mark.parametrize("scale, pixels", [(2.0**-10, 0), (2.0**10, 0), (1e-3, 4), (1e3, 4)])
 def test_the_unit_of_a_scan_changes_nothing_that_a_network_sees(seen, scale, pixels):
     """To the bit for powers of two; but for rounding ties of the filter and the soft z-buffer for others."""
-    metres, other = (_scaled(seen, s).x for s in (1.0, scale))
+    metres, other = (_scaled(seen, s) for s in (1.0, scale))
     differs = (metres - other).abs() > (0 if pixels == 0 else 1e-5)
     assert int(differs.any(0).sum()) <= pixels
     assert metres[4].abs().max() > 0.1
-
-
-def test_half_precision_is_measured_at_every_scale(seen, tmp_path):
-    inputs = [_scaled(seen, scale) for scale in (1e-3, 1.0, 1e3)]
-    rows = precision_table(weights_dir() / "fast-filtered.safetensors", inputs)
-    assert {(r["precision"], r["scale"]) for r in rows} == {(p, s) for p in ("fp32", "bf16", "fp16") for s in (1e-3, 1.0, 1e3)}
-    by = {(r["precision"], r["scale"]): r for r in rows}
-    for row in rows:
-        assert row["nan"] == 0 and 0 < row["percentile"] <= row["largest"] < 0.1
-        assert row["psnr"] == pytest.approx(by["fp32", row["scale"]]["psnr"], abs=0.1)
-    assert by["bf16", 1.0]["percentile"] > by["fp32", 1.0]["percentile"]
-    with pytest.raises(WeightsError):
-        precision_table(tmp_path / "none.safetensors", inputs)
-
-
-def test_nan_is_counted_not_hidden(seen, monkeypatch):
-    class Overflowing(CompactUNet):
-        def forward(self, x):
-            made = super().forward(x).clone()
-            if self.stem.weight.dtype == torch.float16:
-                made[:, :, 0, :5] = float("nan")
-            return made
-
-    import pointglass.model.evaluation.precision as precision
-
-    monkeypatch.setattr(precision, "load_weights", lambda path: (Overflowing(Size((8, 8), 1)).eval(), {}))
-    rows = {r["precision"]: r for r in precision_table(Path("x.safetensors"), [_scaled(seen, 1.0)])}
-    assert rows["fp16"]["nan"] == 15 and rows["bf16"]["nan"] == rows["fp32"]["nan"] == 0
-    assert rows["fp16"]["largest"] < 0.01

@@ -10,8 +10,8 @@ from evaluation_files import rgb_of
 import pointglass.model.evaluation.room_scores as scene_module
 from pointglass.model.data.dataset import MemoryPicture, Scan
 from pointglass.model.data.surfaces.projected import project_scan
-from pointglass.model.evaluation import evaluate
 from pointglass.model.evaluation.metrics.flicker import measure_flicker, middle_stretch, reprojection
+from pointglass.model.evaluation.room_scores import evaluate
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pointglass.model.data.surfaces.projected import project_scan
-from pointglass.model.evaluation import true_visibility
+from pointglass.model.evaluation.methods import true_visibility
 from pointglass.model.reference.depth_filter import keep_mask
 from pointglass.model.reference.projection import SoftZ, rasterise
 from pointglass.model.reference.pyramid import bilinear, half, parents, quads

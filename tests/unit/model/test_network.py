@@ -12,8 +12,9 @@ from safetensors.torch import save_file
 
 from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
-from pointglass.model.evaluation import evaluate, format_table
 from pointglass.model.evaluation.metrics.image_metrics import psnr, psnr_after_gain, ssim
+from pointglass.model.evaluation.report import format_table
+from pointglass.model.evaluation.room_scores import evaluate
 from pointglass.model.network.network_layout import BACKGROUND, CLOSED, NOISE_SCALE, PACKED_IN
 from pointglass.model.network.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
 from pointglass.model.network.unet import (

@@ -24,8 +24,8 @@ SIZE = (960, 720)
 """Size of the evaluated pictures, pixels.  Chosen by hand."""
 VIEWS = 8
 """Default number of viewpoints: the benches' named views."""
-_IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "precision": False,
-            "paper_table": False, "split": "val", "camera": "dslr", "worst": None, "fast": False}
+_IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "paper_table": False,
+            "split": "val", "camera": "dslr", "worst": None, "fast": False}
 """Options for rooms, which are ignored for a scan, with their defaults."""
 
 
