@@ -40,7 +40,8 @@ class Context:
         column, row = np.floor(pixels).astype(int).T
         inside = (column >= 0) & (column < 400) & (row >= 0) & (row < 300)
         np.minimum.at(depth, (row[inside], column[inside]), z[inside].astype(np.float32))
-        self.viewport = SimpleNamespace(frame=SimpleNamespace(mask=lambda: np.isfinite(depth), depth=lambda: depth))
+        arrays = {"depth": depth, "mask": np.isfinite(depth)}
+        self.viewport = SimpleNamespace(frame=object(), pixels=SimpleNamespace(read=lambda _, name, wait: arrays[name]))
         self.session = SimpleNamespace(work=work, flight=SimpleNamespace(moving=False), pointer=None,
                                        view_settings=SimpleNamespace(shown_settings=Settings(), background="sky"))
         self.toasts, self.renewed = [], 0

@@ -87,6 +87,10 @@ class _Slot:
         words = (ctypes.c_uint32 * (self._used // 4)).from_address(self._address)
         return np.ctypeslib.as_array(words)
 
+    @property
+    def ready(self) -> bool:
+        return self._fence is None or self._gl.wait(self._fence, _FLUSH_FIRST, 0) in _REACHED
+
     def _forget(self) -> None:
         fence, self._fence = self._fence, None
         if fence is not None:
@@ -126,6 +130,11 @@ class ReadRing:
         slot = self._slots[number % len(self._slots)]
         return slot.read(timeout) if slot.number == number else None
 
+    def ready(self, number: int) -> bool:
+        """Whether :meth:`read` would not wait."""
+        slot = self._slots[number % len(self._slots)]
+        return slot.number != number or slot.ready
+
     def release(self) -> None:
         """Frees the buffers; arrays that :meth:`read` returned become invalid."""
         for slot in self._slots:
@@ -157,6 +166,10 @@ class PlainRing:
         """As ReadRing; ``timeout`` is not kept."""
         held, buffer, size = self._made[number % len(self._made)]
         return np.frombuffer(buffer.read(size), np.uint32) if held == number else None
+
+    def ready(self, number: int) -> bool:
+        """As ReadRing; here reading waits, whenever it is."""
+        return True
 
     def release(self) -> None:
         """Frees the buffers."""

@@ -30,9 +30,11 @@ def measured_under(context: "ToolContext", position: tuple[float, float]) -> np.
     frame = context.viewport.frame
     if frame is None:
         return None
-    depth = frame.depth()
+    read = context.viewport.pixels.read
+    depth, mask = read(frame, "depth", wait=True), read(frame, "mask", wait=True)
+    assert depth is not None and mask is not None, "waited for"
     scale = depth.shape[0] / context.camera.height
-    pixel = nearest_pixel(frame.mask(), depth, (position[0] * scale, position[1] * scale), context.pixels(RADIUS) * scale)
+    pixel = nearest_pixel(mask, depth, (position[0] * scale, position[1] * scale), context.pixels(RADIUS) * scale)
     if pixel is None:
         return None
     return frame.camera.unproject([(pixel[0] + 0.5, pixel[1] + 0.5)], float(depth[pixel[1], pixel[0]]))[0]

@@ -85,25 +85,24 @@ def metres_per_unit(context: "ToolContext") -> float | None:
 
 
 class Pointing:
-    """Finds measured points under the pointer.  Depth and keep-mask of the picture at rest are read back once per picture."""
+    """Finds measured points under the pointer, in the depth and the mask of the picture at rest."""
 
     def __init__(self) -> None:
-        self._frame: Frame | None = None
-        self._arrays: tuple[np.ndarray, np.ndarray] | None = None
-        self._last: tuple[object, tuple[float, float], Picked | None] | None = None
+        self._last: tuple[tuple[Frame, float, tuple[float, float]], Picked | None] | None = None
 
-    def at(self, context: "ToolContext", position: tuple[float, float] | None, radius: float = RADIUS) -> Picked | None:
+    def at(self, context: "ToolContext", position: tuple[float, float] | None, radius: float = RADIUS, *,
+           wait: bool = True) -> Picked | None:
         """The measured point nearest to a position in the picture, None where there is none within ``radius`` logical pixels,
-        or while the camera moves."""
+        or while the camera moves.  wait: for the picture to be read; otherwise None until it has been."""
         frame, scene = context.viewport.frame, context.scene
         if frame is None or scene is None or position is None or context.session.flight.moving:
             return None
-        if frame is not self._frame:
-            self._frame, self._arrays, self._last = frame, (frame.mask(), frame.depth()), None
-        if self._last is not None and self._last[:2] == (radius, position):
-            return self._last[2]
-        assert self._arrays is not None
-        mask, depth = self._arrays
+        if self._last is not None and self._last[0][0] is frame and self._last[0][1:] == (radius, position):
+            return self._last[1]
+        read = context.viewport.pixels.read
+        mask, depth = read(frame, "mask", wait=wait), read(frame, "depth", wait=wait)
+        if mask is None or depth is None:
+            return None
         height, width = depth.shape
         camera = context.camera
         scale = height / camera.height
@@ -117,7 +116,7 @@ class Pointing:
         sized = camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
         found = pick(scene, sized, mask, depth, (position[0] * scale, position[1] * scale),
                      radius=context.pixels(radius) * scale, kept=kept if document.clips or hidden.any() else None)
-        self._last = (radius, position, found)
+        self._last = (frame, radius, position), found
         return found
 
 

@@ -60,10 +60,11 @@ class UnderPointer(Overlay):
         self._pointing, self._reading = Pointing(), ExactPoints()
         self._exact: tuple[weakref.ref[Scene], Picked] | None = None
 
-    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+    def follow(self, context: ToolContext) -> None:
         work = context.session.work
         self._reading.poll()
-        found = self._pointing.at(context, context.session.pointer)
+        shown = context.session.interface
+        found = self._pointing.at(context, context.session.pointer, wait=False) if shown else work.under_pointer
         scene = context.scene
         if found is not None and scene is not None:
             known = self._exact[1] if self._exact is not None and self._exact[0]() is scene else None

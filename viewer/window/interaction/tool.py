@@ -160,7 +160,7 @@ class Tool:
         return False
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        """Draws over the picture while the tool is selected."""
+        """Draws over the picture while the tool is selected.  Changes nothing: what it shows is found by :meth:`follow`."""
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         """Draws its rows in the tool panel while it is selected.  ui: the ``imgui`` module, inside a window."""
@@ -172,7 +172,8 @@ class Tool:
         """Another tool was selected: drop whatever was begun."""
 
     def follow(self, context: ToolContext) -> None:
-        """Called in every turn of the window's loop, selected or not: takes what work in the background has brought."""
+        """Called in every turn of the window's loop, selected or not, before the interface is drawn: takes what work in the
+        background and readings of the picture have brought."""
 
     @property
     def unfinished(self) -> str:
@@ -193,7 +194,10 @@ class Overlay:
     visible = True
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        """Draws over the picture."""
+        """Draws over the picture.  Changes nothing."""
+
+    def follow(self, context: ToolContext) -> None:
+        """Called in every turn of the window's loop, as a tool's."""
 
 
 class Toolbox:
@@ -216,7 +220,9 @@ class Toolbox:
             chosen.selected(context)
 
     def follow(self, context: ToolContext) -> None:
-        """Lets every tool take what its work in the background has brought."""
+        """Lets every tool and overlay take what its work in the background has brought."""
+        for shown in self.overlays:
+            shown.follow(context)
         for tool in self.tools:
             tool.follow(context)
             if tool.wanted:

@@ -32,15 +32,19 @@ class WhatIsReal(Tool):
     def _count(self, context: ToolContext) -> None:
         """Counts the pixels of the picture at rest, once per picture; while something moves the last numbers stay."""
         frame, view = context.viewport.frame, context.session.screen.drawn[-1]
-        if frame is None or context.session.flight.moving or view not in frame.textures:
+        if not context.session.work.tint or frame is None or context.session.flight.moving or view not in frame.textures:
             return
         pending = bool(frame.facts.network_pending)
         seen = (view, pending, context.document.lock_measured)
         if frame is self._frame and seen == self._seen:
             return
-        measured = frame.image("filtered") if "filtered" in frame.textures else None
+        names = ("mask", view, *(["filtered"] if "filtered" in frame.textures else []))
+        read = {name: context.viewport.pixels.read(frame, name) for name in names}
+        mask, image = read["mask"], read[view]
+        if mask is None or image is None or any(pixels is None for pixels in read.values()):
+            return  # it follows a frame or two later
         locked = view == "neural" and context.document.lock_measured  # then nothing that was measured is repainted
-        self.shares = shares("filled" if locked else view, frame.image(view), frame.mask(), measured)
+        self.shares = shares("filled" if locked else view, image, mask, read.get("filtered"))
         self._frame, self._seen = frame, seen
 
     def lines(self) -> list[tuple[int, str]]:
@@ -56,8 +60,10 @@ class WhatIsReal(Tool):
             rows.append((key, f"{percent:5.1f} %  {name}{by}"))
         return rows
 
-    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+    def follow(self, context: ToolContext) -> None:
         self._count(context)
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         rows = self.lines()
         if rows:
             from ..kit.legend import draw_legend  # imgui: this module is read without a window, too
@@ -65,7 +71,6 @@ class WhatIsReal(Tool):
             draw_legend(overlay, [(COLOURS[key], text) for key, text in rows])
 
     def panel(self, ui: Any, context: ToolContext) -> None:
-        self._count(context)
         for _, text in self.lines():
             ui.text_wrapped(text)
         lock(ui, context)

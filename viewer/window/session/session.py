@@ -49,9 +49,7 @@ class Session:
     """State of one window.
 
     work: the document that a person works on, and its history.
-    pointer: where it is over the picture, its pixels, else None.
-    point: the measured point under it, (3,) file coordinates, else None.
-    lost: whether the picture shows nothing of the scene.
+    pointer: where it is over the picture, its pixels, else None.  lost: whether the picture shows nothing of the scene.
     help, interface, profiler: which of them are open.
     dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
@@ -82,9 +80,7 @@ class Session:
         self.loads.prepare = self.work.begin
         self._followed: tuple | None = None
         self.pointer: tuple[float, float] | None = None
-        self.point: np.ndarray | None = None
-        self.lost = False
-        self.dragging_handle = False
+        self.lost = self.dragging_handle = False
         self.help, self.interface, self.profiler = False, True, False
         self.recording: FrameTimes | None = None
         self._variant: Scene | None = None
@@ -102,8 +98,13 @@ class Session:
 
     @property
     def facts(self) -> dict:
-        """``Scene.meta`` of the scene shown, with the unit and reference system that a person assigned; empty without one."""
+        """``Scene.meta`` of the scene shown, with the unit and reference system that a person assigned."""
         return self.work.facts(self.scene.meta) if self.scene is not None else {}
+
+    @property
+    def point(self) -> np.ndarray | None:
+        """(3,) file coordinates: the measured point under the pointer; None where there is none."""
+        return None if (picked := self.work.under_pointer) is None else np.array(picked.position)
 
     # -- what to draw ------------------------------------------------------------------------------------------------
 
@@ -178,9 +179,8 @@ class Session:
         """Seconds until something changes by itself; 0: now; None: never."""
         if self.flight.under_way:
             return 0.0
-        now = self._clock()
+        now, rest = self._clock(), self.flight.rest_in
         times = [toast.until - now for toast in self.notices.toasts]
-        rest = self.flight.rest_in
         if self.scene is not None and rest > 0 and self.picture.lacks(self.screen.full_plan):
             times.append(rest)
         if self.scene is not None and (still := self.area.settles_in) > 0 and self.screen.drawn != self.view_settings.sides:
@@ -263,7 +263,7 @@ class Session:
         stays = kept and visit.continues_with(loaded)
         visit.show(loaded, stays=stays)
         self._shown_at.clear()
-        self.point = None
+        self.work.under_pointer = None
         document = self.work.document if kept else self.work.accept()
         self.arrange()  # the start viewpoint frames what the panels leave
         if not stays:
@@ -290,7 +290,7 @@ class Session:
         self.loads.cancel()
         self.work.leave()
         self.visit.end()
-        self.point = None
+        self.work.under_pointer = None
         self.notices.leave_scene()
         self.picture.begin(0)
         self._shown_at.clear()

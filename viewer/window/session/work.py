@@ -38,15 +38,12 @@ LARGEST_SHOT = 4
 
 @dataclass
 class ShownPhoto:
-    """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only.
-
-    psnr: dB between the photograph and the view, at pixels that both show; None where there are none."""
+    """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only."""
 
     photo: StationPhoto
     blend: float = 1.0
     split: bool = False
     split_at: float = 0.5
-    psnr: float | None = None
 
 
 class Work:

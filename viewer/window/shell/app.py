@@ -222,12 +222,14 @@ class App:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
         arriving = self.viewport.note_arrivals()
+        reading = self.viewport.pixels.waiting
         if self.viewport.finish_network():
             self.wake()
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
+        restless = session.screen.needs_picture or change == 0.0 or session.notices.answered
         stirring = loading or self.files.polls or perf_counter() < self._awake_until
-        busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0 or session.notices.answered
+        busy = arriving or reading or restless or self._settle > 0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
                 nap = POLL if self.gamepad.connected else _NAP
@@ -247,6 +249,8 @@ class App:
             self._upload(loaded)
         if session.notices.message is not message:
             self.linger()
+        if self.viewport.follow():
+            self.wake()
         self.toolbox.follow(self.tools)
         self.save_actions.follow()
         self.projects.follow()
@@ -255,7 +259,7 @@ class App:
             glfw.set_window_title(self.window, self._title)
         if session.advance():
             self.wake()
-        if stirring:
+        if stirring or reading:
             self._settle = max(self._settle, 1)
         if min(session.area.window_size) == 0:
             return
@@ -265,7 +269,7 @@ class App:
         if session.screen.needs_picture:
             self.viewport.paint()
             painted = perf_counter()
-            self._settle = max(self._settle, 1)
+            self._settle = max(self._settle, 2)  # in the second frame tools begin to read the picture
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
                 draw_interface(self, shown=False)

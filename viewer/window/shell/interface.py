@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from ..kit.overlay import OverlayCanvas
 from ..panels import dialogs, hud
 from ..panels.look_panel import draw_look_panel
@@ -66,8 +64,6 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
         app.start_page.draw(app.projects.offers, app.actions, look)
     if session.interface and session.scene is not None:
         _overlays(app)
-        picked = session.work.under_pointer
-        session.point = None if picked is None else np.array(picked.position)
         hud.draw_handle(session, look, hovered=over)
         draw_scenes_panel(session, app.toolbox, app.tools, app.actions, look)
         draw_look_panel(session, look)

@@ -23,6 +23,7 @@ from ..planning.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from ..session.loading import Loaded
 from ..session.session import Session
 from .photo_layer import PhotoLayer
+from .pixel_reader import PixelReader
 from .present import Canvas
 
 if TYPE_CHECKING:
@@ -57,8 +58,9 @@ class Viewport:
     """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
     renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
-    context: the window's.  canvas: what the window shows, None until something was shown.
-    memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
+    pixels: reads its depth, mask and views.  photos: lays a photograph over it.  context: the window's.
+    canvas: what the window shows, None until something was shown.  memory: what points may take.
+    wake: called on a thread of the renderer's own when points have come.
     """
 
     def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
@@ -67,14 +69,15 @@ class Viewport:
         self.context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
         self._composer = Composer(context)
-        self._photos = PhotoLayer(context)
+        self.pixels = PixelReader(context)
+        self.photos = PhotoLayer(context, self.pixels)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
         self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
-        self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
+        self._unseen: Frame | None = None  # the picture that may show no point of the scene
         self._problem: str | None = None
         self._rate = FrameRate()
 
@@ -123,8 +126,9 @@ class Viewport:
     def _forget(self, renderer: "Renderer | None") -> None:
         """Uses another renderer, which has made no picture yet."""
         self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
-        self._photos.clear()
-        self._points_read = None
+        self.photos.clear()
+        self.pixels.forget()
+        self._unseen = None
 
     def clear(self) -> None:
         """Releases the scene; the canvas shows the background."""
@@ -174,32 +178,28 @@ class Viewport:
         self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
         self._rate.add(perf_counter())
         self._tell(plan, self.frame)
-        self._points_read = None
-        session.lost = self._empty(self.frame, plan)
+        self._look_for_points(self.frame, plan)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
 
-    def _empty(self, frame: "Frame", plan: "Plan") -> bool:
-        """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
-        if plan.moving:
+    def follow(self) -> bool:
+        """Takes the readings of the picture that have arrived.  Returns whether the session knows something new by them."""
+        self.pixels.poll()
+        if self._unseen is None or (depth := self.pixels.read(self._unseen, "depth")) is None:
             return False
-        return not frame.facts.points_missing and not np.isfinite(frame.depth()).any()
+        before, self._unseen = self._session.lost, None
+        self._session.lost = not np.isfinite(depth).any()
+        return self._session.lost != before
 
-    def measured_point(self, position: tuple[float, float] | None) -> np.ndarray | None:
-        """(3,) file coordinates: the nearest measured surface at a position in pixels of the picture, at rest; else None."""
-        frame, session = self.frame, self._session
-        if position is None or frame is None or session.flight.moving or session.screen.needs_picture:
-            return None
-        column, row = int(np.floor(position[0])), int(np.floor(position[1]))
-        texture = frame.depth_texture
-        if texture.size != session.area.size or not (0 <= column < texture.width and 0 <= row < texture.height):
-            return None
-        if self._points_read is None:
-            self._points_read = frame.depth()
-        depth = float(self._points_read[row, column])
-        return session.camera.unproject([(column + 0.5, row + 0.5)], depth)[0] if np.isfinite(depth) else None
+    def _look_for_points(self, frame: "Frame", plan: "Plan") -> None:
+        """Has a picture at rest looked at for points; never while some are missing."""
+        self._unseen = None if plan.moving or frame.facts.points_missing else frame
+        if self._unseen is None:
+            self._session.lost = False
+        else:
+            self.pixels.read(frame, "depth")
 
     def finish_network(self) -> bool:
         """Shows the neural view of the last picture if its network has ended since.  Returns whether it did."""
@@ -256,19 +256,20 @@ class Viewport:
                 self.canvas.release()
             self.canvas = Canvas(self.context, self._programs, session.area.window_size)
         area = (*session.area.origin, *session.area.size)
-        sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
+        sides = [self._developed(view, wait=session.flight.moving) for view in self._shown] if self.frame is not None else []
         column = split_column(chosen.split_at, session.area.size[0])
         self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
 
-    def _developed(self, view: str) -> "moderngl.Texture":
-        """A view of the last picture as the look, the tint and the lock of its description have it."""
+    def _developed(self, view: str, *, wait: bool = True) -> "moderngl.Texture":
+        """A view of the last picture as its description has it.  wait: for the photograph over it, which else follows later."""
         spec, photo = self._session.picture.spec, self._session.work.photo
         assert self.frame is not None and spec is not None
         made = self._composer.texture(self.frame, view, spec)
         if photo is None or self.renderer is None:
             return made
-        return self._photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene)
+        return self.photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene,
+                                 wait=wait)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
@@ -296,7 +297,7 @@ class Viewport:
         return joined(images, spec.background, spec.views, spec.split_at)
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._composer, self._photos, self._programs):
+        for owned in (self.renderer, self.canvas, self._composer, self.photos, self.pixels, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

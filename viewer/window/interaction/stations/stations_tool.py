@@ -61,6 +61,7 @@ class Stations(Tool):
     def __init__(self) -> None:
         self._of: tuple[tuple[Path, ...], bool] | None = None  # the files whose photographs are read; whether as a preview
         self._read: Worker | None = None
+        self._selected = False  # whether the tool is selected
         self.ghosts = GhostsPanel()
         self.photos: list[StationPhoto] = []
         self.warnings: list[str] = []
@@ -68,13 +69,15 @@ class Stations(Tool):
         self.viewer = PictureViewer()
 
     def selected(self, context: ToolContext) -> None:
-        self._follow(context)
+        self._selected = True
 
     def left(self, context: ToolContext) -> None:
-        context.session.work.photo = None
+        self._selected, context.session.work.photo = False, None
         self.viewer.close_picture()
 
     def follow(self, context: ToolContext) -> None:
+        if self._selected:
+            self._follow(context)
         self.ghosts.follow(context)
         self.viewer.follow()
 
@@ -136,7 +139,6 @@ class Stations(Tool):
         return False
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        self._follow(context)
         if context.scene is None:
             return
         at_eye = 1e-3 * np.ptp(context.scene.bounds, axis=0).max()  # a marker there would hide the picture
@@ -147,8 +149,8 @@ class Stations(Tool):
             overlay.marker(place, "accent", 8.0, "ring" if inferred else "diamond")
         if found:
             overlay.labels([place for place, _, _ in found], [text for _, text, _ in found])
-        shown = context.session.work.photo
-        if shown is not None and shown.psnr is not None:
+        shown, psnr = context.session.work.photo, context.viewport.photos.psnr
+        if shown is not None and psnr is not None:
             left, top, width, height = overlay.area
             if shown.split:
                 middle, bottom = left + shown.split_at * width, top + height - overlay.look.px(12)
@@ -156,11 +158,10 @@ class Stations(Tool):
                 overlay.text((middle - overlay.look.px(10), bottom), "photograph", align=(1.0, 1.0))
                 view = f"{context.session.screen.drawn[-1]} view"
                 overlay.text((middle + overlay.look.px(10), bottom), view, align=(0.0, 1.0))
-            text = f"photograph against the view: {shown.psnr:.1f} dB PSNR"
+            text = f"photograph against the view: {psnr:.1f} dB PSNR"
             overlay.text((left + width / 2, top + overlay.look.px(64)), text, align=(0.5, 0.0))
 
     def panel(self, ui: Any, context: ToolContext) -> None:
-        self._follow(context)
         if context.scene is None:
             return
         known = {number: (place, inferred) for number, _, place, inferred in places_of(context.scene)}
@@ -218,8 +219,8 @@ class Stations(Tool):
             ui.set_next_item_width(-1)
             _, percent = ui.slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%", clamp)
             shown.split_at = percent / 100.0
-        if shown.psnr is not None:
-            ui.text_wrapped(f"PSNR {shown.psnr:.1f} dB between photograph and view")
+        if (psnr := context.viewport.photos.psnr) is not None:
+            ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view")
         else:
             away = float(np.linalg.norm(context.camera.position - shown.photo.position))
             unit = "m" if metres_per_unit(context) else "units"
