@@ -8,6 +8,7 @@ from ..interaction.controls import CONTROLS, Control
 from ..kit import theme
 from ..kit.theme import Theme, fitted, text_in
 from ..kit.widgets import DOCKED, button
+from ..session.panel_actions import Actions
 from ..session.session import Session
 
 _MODAL = (
@@ -27,7 +28,7 @@ def _centre() -> None:
     imgui.set_next_window_bg_alpha(1.0)
 
 
-def draw_message(session: Session, look: Theme) -> None:
+def draw_message(session: Session, actions: Actions, look: Theme) -> None:
     """The dialog of ``session.notices.message``; its buttons and Esc close it, Enter presses the first one."""
     message, is_open = session.notices.message, imgui.is_popup_open("message")
     if message is None and not is_open:
@@ -60,7 +61,7 @@ def draw_message(session: Session, look: Theme) -> None:
         if button(f"{answer.label}##{number}", look, width=widths[number], primary=number == 0):
             pressed = number
     if pressed is not None:
-        session.notices.answer(pressed)
+        actions.answer(pressed)
         imgui.close_current_popup()
     imgui.end_popup()
 
@@ -113,7 +114,7 @@ def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
     imgui.dummy(ImVec2(0, look.px(4)))
 
 
-def draw_load(session: Session, look: Theme) -> None:
+def draw_load(session: Session, actions: Actions, look: Theme) -> None:
     """The load under way: what it does, how far it is, a way to stop it."""
     work = session.loads.current
     if work is None:
@@ -136,5 +137,5 @@ def draw_load(session: Session, look: Theme) -> None:
     imgui.same_line()
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
     if button("Cancel", look, width=look.px(110)):
-        session.cancel_load()
+        actions.cancel_load()
     imgui.end()

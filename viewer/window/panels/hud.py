@@ -8,6 +8,7 @@ from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import FLOATING, MARGIN, PASSIVE
+from ..session.panel_actions import Actions
 from ..session.session import Session
 from .status_bar import drawn_text
 
@@ -158,7 +159,7 @@ def draw_recording(session: Session, look: Theme) -> None:
     imgui.end()
 
 
-def draw_lost(session: Session, look: Theme) -> None:
+def draw_lost(session: Session, actions: Actions, look: Theme) -> None:
     """Where the picture shows nothing: how to get back, and an arrow to the scene."""
     if not session.lost or session.scene is None:
         return
@@ -177,8 +178,8 @@ def draw_lost(session: Session, look: Theme) -> None:
     imgui.begin("lost", None, FLOATING)
     imgui.text_unformatted("Nothing in sight: Home, F")  # the keys of the two buttons
     if imgui.button("Home"):
-        session.go_home()
+        actions.do("home")
     imgui.same_line()
     if imgui.button("Whole scene"):
-        session.frame_scene()
+        actions.do("frame")
     imgui.end()

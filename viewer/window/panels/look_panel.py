@@ -28,6 +28,7 @@ from ..kit.widgets import (  # fmt: skip
     to_the_right,
 )
 from ..planning.networks import missing_qualities
+from ..session.panel_actions import Actions
 from ..session.session import Session
 
 _LOD_DEFAULT = 4.0
@@ -36,7 +37,7 @@ _NO_FILTER = "The filter is off."
 _NO_NETWORK = "Only the neural view uses the network."
 
 
-def draw_look_panel(session: Session, look: Theme) -> None:
+def draw_look_panel(session: Session, actions: Actions, look: Theme) -> None:
     """At the right, open or folded to its icons.  Every change is a new Settings record, requested of the session."""
     place = session.area.layout.look
     if place is None:
@@ -45,11 +46,11 @@ def draw_look_panel(session: Session, look: Theme) -> None:
         begin_docked("look folded", place, look, padding=(5, 6), scroll=False)
         imgui.push_font(look.bold, theme.FONT_SIZE)
         if rail_button("<<##look", "Show how the picture is made", look):
-            session.area.panels.look = True
+            actions.fold("look", False)
         if rail_button("?##help", "Controls (F1)", look):
-            session.help = not session.help
+            actions.do("help")
         if rail_button("ms##profiler", "Where the time of a frame goes (F3)", look, lit=session.profiler):
-            session.profiler = not session.profiler
+            actions.do("profiler")
         imgui.pop_font()
         imgui.end()
         return
@@ -59,9 +60,9 @@ def draw_look_panel(session: Session, look: Theme) -> None:
     heading("Look", look)
     to_the_right(">>", look)
     if imgui.small_button(">>##fold look"):
-        session.area.panels.look = False
+        actions.fold("look", True)
     hint("Fold this panel", look)
-    new = _look(session, old, look)
+    new = _look(session, actions, old, look)
     imgui.dummy(ImVec2(0, look.px(4)))
     if imgui.collapsing_header("Advanced"):
         new = _advanced(session, new, look)
@@ -71,17 +72,17 @@ def draw_look_panel(session: Session, look: Theme) -> None:
         new = Settings(view=new.view)
     half = (imgui.get_content_region_avail().x - look.px(8)) / 2
     if button("Controls", look, width=half, explained="Keys and mouse (F1)"):
-        session.help = not session.help
+        actions.do("help")
     imgui.same_line(0, look.px(8))
     if button("Profiler", look, width=half, explained="Where the time of a frame goes (F3)"):
-        session.profiler = not session.profiler
+        actions.do("profiler")
     imgui.pop_font()
     imgui.end()
     if new != old:
-        session.view_settings.request(new)
+        actions.request(new)
 
 
-def _look(session: Session, new: Settings, look: Theme) -> Settings:
+def _look(session: Session, actions: Actions, new: Settings, look: Theme) -> Settings:
     chosen = session.view_settings
     neural = "neural" in (new.view, *chosen.sides)
     label("quality", CHOICES["quality"][new.quality], look)
@@ -99,7 +100,7 @@ def _look(session: Session, new: Settings, look: Theme) -> Settings:
     label("compare", "Two views side by side (key V)", look)
     changed, on = imgui.checkbox("with", chosen.split)
     if changed:
-        chosen.compare(on)
+        actions.compare(on)
     imgui.same_line()
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(not chosen.split)
@@ -108,15 +109,17 @@ def _look(session: Session, new: Settings, look: Theme) -> Settings:
     imgui.end_disabled()
     hint("" if chosen.split else "Tick the box to compare two views.", look)
     if left != chosen.left:
-        chosen.choose_left(left)
+        actions.choose_left(left)
     table = {name: BACKGROUNDS[name] for name in COLOURS}
     label("background", f"Behind everything that was neither measured nor filled: {table[chosen.background]}", look)
-    chosen.background = combo("##background", chosen.background, table, look)
+    background = combo("##background", chosen.background, table, look)
+    if background != chosen.background:
+        actions.choose_background(background)
     label("in flight", "Holds a steady frame rate while the camera moves: a lower resolution, fewer points and the filled view "
           "where needed; full quality at rest", look)
     changed, quick = imgui.checkbox("keep up", session.picture.adaptive_lod.keep_up)
     if changed:
-        session.picture.adaptive_lod.keep_up, session.picture.dirty = quick, True
+        actions.keep_up(quick)
     return new
 
 

@@ -10,7 +10,6 @@ from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
 from ..session.panel_actions import Actions
-from ..session.scan_notice_actions import act_on_notice
 from ..session.session import Session
 from .status_bar import count_text, units_text
 
@@ -33,14 +32,14 @@ def draw_scenes_panel(session: Session, toolbox: Toolbox, tools: ToolContext, ac
     heading("Scans", look)
     to_the_right("<<", look)
     if imgui.small_button("<<##fold scenes"):
-        session.area.panels.scenes = False
+        actions.fold("scenes", True)
     hint("Fold the scene list", look)
-    _scans(session, look)
+    _scans(session, actions, look)
     _open_buttons(actions, look)
     heading("Tools", look)
     _tools(toolbox, tools, actions, look)
-    _viewpoints(session, look)
-    _notices(session, look)
+    _viewpoints(actions, look)
+    _notices(session, actions, look)
     imgui.pop_font()
     imgui.end()
 
@@ -55,19 +54,19 @@ def _folded(session: Session, toolbox: Toolbox, actions: Actions, look: Theme) -
     usual = imgui.get_style().item_spacing
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, look.px(1)), usual.y)))
     if rail_button(">>##scenes", "Show the scene list", look):
-        session.area.panels.scenes = True
+        actions.fold("scenes", False)
     if rail_button("O", "Open scans", look):
         actions.do("open")
     for tool in toolbox.tools:
         if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is toolbox.active):
             actions.select_tool(tool.name)
-            session.area.panels.scenes = tool is not toolbox.fly  # a tool's controls are in the open panel
+            actions.fold("scenes", tool is toolbox.fly)  # a tool's controls are in the open panel
     if rail_button("H##home", "Back to the start viewpoint (Home)", look):
-        session.go_home()
+        actions.do("home")
     if session.notices.of_scan:
         at = imgui.get_cursor_screen_pos()
         if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", look):
-            session.area.panels.scenes = True
+            actions.fold("scenes", False)
         side = place.width - look.px(10)
         dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
         imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
@@ -80,13 +79,13 @@ def _explained(tool) -> str:
     return f"{tool.label}: {tool.help}" + (f" (key {tool.key})" if tool.key else "")
 
 
-def _scans(session: Session, look: Theme) -> None:
+def _scans(session: Session, actions: Actions, look: Theme) -> None:
     scene = session.scene
     assert scene is not None
     sources = scene.meta.get("sources") or ["points in memory"]
     width = imgui.get_content_region_avail().x
     if len(sources) > 1 and len(parts := files_of(scene)) == len(sources):
-        _files(session, look, parts)
+        _files(session, actions, look, parts)
     else:
         for source in sources[:_ROWS]:
             imgui.text_unformatted(fitted(Path(source).name, width))
@@ -106,7 +105,7 @@ def _scans(session: Session, look: Theme) -> None:
         small("Preview; all points follow.", look, theme.WARN)
 
 
-def _files(session: Session, look: Theme, parts: list[FilePart]) -> None:
+def _files(session: Session, actions: Actions, look: Theme, parts: list[FilePart]) -> None:
     """The files of the scene, each with a switch that shows it and a name that flies to it."""
     style = imgui.get_style()
     row = imgui.get_frame_height() + style.item_spacing.y
@@ -126,14 +125,11 @@ def _files(session: Session, look: Theme, parts: list[FilePart]) -> None:
             hint("Show the points of this file" if part.apart else "This file shares its number with others in the grid: it "
                  "cannot be hidden by itself", look)
             if changed:
-                kept = hidden.difference(part.numbers) if on else hidden.union(part.numbers)
-                session.work.edit(f"{'Show' if on else 'Hide'} {Path(part.path).name}", hidden_stations=tuple(sorted(kept)))
+                actions.show_points_of(part, on)
             imgui.same_line()
             imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + style.frame_padding.y)
-            if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x)) and not session.visit.show_file(
-                part, session.document, session.area.aspect
-            ):
-                session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
+            if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x)):
+                actions.fly_to_file(part)
             hint(f"{part.path}\nA click flies to it", look)
             imgui.pop_id()
     if len(parts) > _ROWS:
@@ -160,17 +156,17 @@ def _tools(toolbox: Toolbox, tools: ToolContext, actions: Actions, look: Theme) 
     toolbox.active.panel(imgui, tools)
 
 
-def _viewpoints(session: Session, look: Theme) -> None:
+def _viewpoints(actions: Actions, look: Theme) -> None:
     heading("Viewpoint", look)
     width = (imgui.get_content_region_avail().x - look.px(8)) / 2
     if button("Start", look, width=width, explained="Back to the start viewpoint (key Home)"):
-        session.go_home()
+        actions.do("home")
     imgui.same_line(0, look.px(8))
     if button("Whole scene", look, width=width, explained="See the whole scene from here (key F)"):
-        session.frame_scene()
+        actions.do("frame")
 
 
-def _notices(session: Session, look: Theme) -> None:
+def _notices(session: Session, actions: Actions, look: Theme) -> None:
     if not session.notices.of_scan:
         return
     heading("Notices", look)
@@ -178,6 +174,6 @@ def _notices(session: Session, look: Theme) -> None:
         imgui.push_id(number)
         small(notice.text, look, theme.TEXT)
         if notice.action and link(notice.label):
-            act_on_notice(session, notice.action)
+            actions.act_on_notice(notice.action)
         imgui.dummy(ImVec2(0, look.px(2)))
         imgui.pop_id()

@@ -7,12 +7,13 @@ from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme, packed
 from ..kit.widgets import DOCKED, MARGIN, hint
+from ..session.panel_actions import Actions
 from ..session.session import Session
 
 _WIDTH, _SHORT_WIDTH, _HEIGHT = 84.0, 46.0, 30.0
 
 
-def draw_view_switch(session: Session, look: Theme) -> None:
+def draw_view_switch(session: Session, actions: Actions, look: Theme) -> None:
     """Top centre of the picture."""
     if session.scene is None:
         return
@@ -34,7 +35,7 @@ def draw_view_switch(session: Session, look: Theme) -> None:
         smaller = session.screen.smaller_network if "network" in row.passes and lit else None
         coming = asked and (not lit or smaller is not None)
         if _segment(row.short if short else row.title, width, height, look, lit=lit, asked=coming):
-            chosen.show(view)
+            actions.show_view(view)
         state = ""
         if smaller is not None:
             state = f"\nDrawn by the {smaller} network while the camera moves; {chosen.settings.quality} at rest."
@@ -44,7 +45,7 @@ def draw_view_switch(session: Session, look: Theme) -> None:
         hint(f"{row.text} (key {number + 1}){state}", look)
     imgui.same_line(0, px(4))
     if _segment("||", px(36), height, look, lit=chosen.split, asked=False):
-        chosen.compare(not chosen.split)
+        actions.compare(not chosen.split)
     hint("Compare two views side by side (key V)", look)
     imgui.pop_font()
     imgui.end()

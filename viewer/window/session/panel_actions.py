@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
+from ...picture.settings import Settings
+from ...work.scan_files import FilePart
 from .recovery import Recoverable
 
 
@@ -15,6 +17,42 @@ class Actions(Protocol):
 
     def open(self, paths: Sequence[Path]) -> None:
         """Opens scans or a project instead of what is open, once that is saved or given up."""
+
+    def fold(self, panel: Literal["scenes", "look"], folded: bool) -> None:
+        """Folds a panel to its icons, or opens it."""
+
+    def request(self, settings: Settings) -> None:
+        """Asks for pictures with these settings."""
+
+    def show_view(self, view: str) -> None:
+        """Chooses the view; in a comparison the right side."""
+
+    def compare(self, on: bool) -> None:
+        """Splits the picture between two views, or undoes it."""
+
+    def choose_left(self, view: str) -> None:
+        """Chooses the left side of a comparison."""
+
+    def choose_background(self, name: str) -> None:
+        """Chooses what is laid behind the picture."""
+
+    def keep_up(self, on: bool) -> None:
+        """Whether moving pictures leave something out to hold a frame rate."""
+
+    def show_points_of(self, part: FilePart, on: bool) -> None:
+        """Shows or hides the points of one file, as a step that can be undone."""
+
+    def fly_to_file(self, part: FilePart) -> None:
+        """Flies to a view of one file."""
+
+    def act_on_notice(self, action: str) -> None:
+        """Does what a notice about the scan offers, by its key."""
+
+    def answer(self, number: int) -> None:
+        """Presses a button of the message that is open."""
+
+    def cancel_load(self) -> None:
+        """Gives the load under way up."""
 
     def select_tool(self, name: str) -> None:
         """Selects a tool; the one that is selected: Fly."""

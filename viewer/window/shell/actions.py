@@ -3,10 +3,12 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
+from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ...work.project import SUFFIX
+from ...work.scan_files import FilePart
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
@@ -15,6 +17,7 @@ from ..interaction.tool import Toolbox, ToolContext
 from ..saving.save_actions import SaveActions
 from ..session.project_flow import ProjectFlow
 from ..session.recovery import Recoverable
+from ..session.scan_notice_actions import act_on_notice
 from ..session.session import Session
 
 if TYPE_CHECKING:
@@ -45,7 +48,7 @@ class WindowActions:
     """What panels may have this window do (viewer.window.session.panel_actions).  table: name of a control -> what it does."""
 
     def __init__(self, host: Host):
-        self._host, self.table = host, action_table(host)
+        self._host, self._session, self.table = host, host.session, action_table(host)
 
     def do(self, name: str) -> None:
         """Does what a control asks for.  On the start page only what can be seen there acts."""
@@ -60,6 +63,46 @@ class WindowActions:
 
     def ask_to_discard(self, found: Recoverable) -> None:
         self._host.projects.ask_to_discard(found)
+
+    def fold(self, panel: Literal["scenes", "look"], folded: bool) -> None:
+        setattr(self._session.area.panels, panel, not folded)
+
+    def request(self, settings: Settings) -> None:
+        self._session.view_settings.request(settings)
+
+    def show_view(self, view: str) -> None:
+        self._session.view_settings.show(view)
+
+    def compare(self, on: bool) -> None:
+        self._session.view_settings.compare(on)
+
+    def choose_left(self, view: str) -> None:
+        self._session.view_settings.choose_left(view)
+
+    def choose_background(self, name: str) -> None:
+        self._session.view_settings.background = name
+
+    def keep_up(self, on: bool) -> None:
+        self._session.picture.adaptive_lod.keep_up, self._session.picture.dirty = on, True
+
+    def show_points_of(self, part: FilePart, on: bool) -> None:
+        hidden = set(self._session.document.hidden_stations)
+        kept = hidden.difference(part.numbers) if on else hidden.union(part.numbers)
+        self._session.work.edit(f"{'Show' if on else 'Hide'} {Path(part.path).name}", hidden_stations=tuple(sorted(kept)))
+
+    def fly_to_file(self, part: FilePart) -> None:
+        session = self._session
+        if not session.visit.show_file(part, session.document, session.area.aspect):
+            session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
+
+    def act_on_notice(self, action: str) -> None:
+        act_on_notice(self._session, action)
+
+    def answer(self, number: int) -> None:
+        self._session.notices.answer(number)
+
+    def cancel_load(self) -> None:
+        self._session.cancel_load()
 
     def select_tool(self, name: str) -> None:
         self._host.toolbox.select(name, self._host.tools)

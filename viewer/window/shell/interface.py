@@ -66,20 +66,20 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
         _overlays(app)
         hud.draw_handle(session, look, hovered=over)
         draw_scenes_panel(session, app.toolbox, app.tools, app.actions, look)
-        draw_look_panel(session, look)
+        draw_look_panel(session, app.actions, look)
         draw_status_bar(session, look, fps=app.viewport.frame_rate)
         if not session.help:  # which covers the middle of the picture
-            draw_view_switch(session, look)
+            draw_view_switch(session, app.actions, look)
             hud.draw_profiler(session, look, fps=app.viewport.frame_rate)
             hud.draw_recording(session, look)
-            hud.draw_lost(session, look)
+            hud.draw_lost(session, app.actions, look)
     hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
     dialogs.draw_help(session, look, app.input.key_name)
-    dialogs.draw_load(session, look)
+    dialogs.draw_load(session, app.actions, look)
     message = session.notices.message is not None
     app.missing_scans.draw(app, look, covered=message or app.files.choice is not None)
     app.choice_window.draw(app.files, look, covered=message)
-    dialogs.draw_message(session, look)
+    dialogs.draw_message(session, app.actions, look)
     imgui.render()
     if shown:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
