@@ -104,8 +104,7 @@ def check_a_double_click_flies_there_and_a_key_stops_it(d: Driver) -> None:
     start(d)
     camera = d.session.camera
     at = middle(d, 0.2, 0.0)
-    d.click(*at)
-    d.click(*at)
+    d.double_click(*at)
     flight = d.session.flight
     assert flight.gliding
     d.picture("flying_there", settle=0)
@@ -117,14 +116,12 @@ def check_a_double_click_flies_there_and_a_key_stops_it(d: Driver) -> None:
     ahead = moved.unproject([(moved.cx, moved.cy)], 1.0)[0] - moved.position
     assert np.abs(ahead).max() > 0.8, "it faces a wall of the room, or looks down on its floor"
     start(d)
-    d.click(*at)
-    d.click(*at)
+    d.double_click(*at)
     d.key("F3")
     d.key("F3")
     assert not flight.gliding and not np.allclose(d.session.camera.position, moved.position)
     d.key("I")
-    d.click(*at)
-    d.click(*at)
+    d.double_click(*at)
     assert not flight.gliding, "Inspect takes clicks"
     d.key("I")
     start(d)

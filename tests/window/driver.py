@@ -138,6 +138,17 @@ class Driver:
         self.button(self.glfw.RELEASE)
         self.settle()
 
+    def double_click(self, x: float, y: float) -> None:
+        """Two clicks at the same moment, however long the frames between them take."""
+        usual = self.app.input._clock
+        now = usual()
+        self.app.input._clock = lambda: now
+        try:
+            self.click(x, y)
+            self.click(x, y)
+        finally:
+            self.app.input._clock = usual
+
     def key(self, name: str, action: str = "tap") -> None:
         key = getattr(self.glfw, f"KEY_{name}")
         code = self.glfw.get_key_scancode(key)
