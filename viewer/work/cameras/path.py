@@ -107,7 +107,7 @@ class _Curve:
         matrices[:, :3, :3] = self._turn(us).as_matrix()
         matrices[:, :3, 3] = self._position(us) + self._centre
         width, height = self._first.width, self._first.height
-        lenses = (self._lens(us) * (height, height, width, width)).tolist()
+        lenses = (self._lens(us) * (height, height, width, height)).tolist()
         return [Camera(width, height, *lens, matrix, frame_name(number))
                 for number, (lens, matrix) in enumerate(zip(lenses, matrices))]
 
