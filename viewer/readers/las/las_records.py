@@ -14,8 +14,8 @@ PLACED = ("X", "Y", "Z", "red", "green", "blue")
 
 def records_of(points, chunk: Chunk, only: str | None = None) -> Records:
     """The records of a chunk.  points: of laspy (ScaleAwarePointRecord).  Scaled extra dimensions are given as float64.
-    only: the one dimension that is wanted."""
+    only: the one dimension that is wanted; the records as they are stored are then left out."""
     with np.errstate(over="ignore", invalid="ignore"):  # laspy scales extra dimensions, by what a damaged file states
         columns = {name: np.array(points[name]) for name in points.point_format.dimension_names
                    if name and name not in PLACED and only in (None, name)}  # fmt: skip
-    return Records(chunk.xyz, chunk.rgb, chunk.scan, columns, points.array)
+    return Records(chunk.xyz, chunk.rgb, chunk.scan, columns, points.array if only is None else None)

@@ -7,7 +7,8 @@ in the format; whether a file holds 8-bit values is decided over the whole file 
 
 import struct
 from collections.abc import Iterator
-from functools import partial
+from functools import partial, reduce
+from operator import or_
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -24,12 +25,14 @@ from .copc_nodes import CopcNodes, read_nodes
 from .las_decoding import decoding
 from .las_records import records_of
 from .laz_chunks import checked_points
-from .laz_points import LazPoints
+from .laz_points import ALL, FIELDS, LazPoints
 
 _BLOCK = 128 << 20
 """Bytes of records that are read at once; a record has 20 to 65,535."""
 _PIECE = 1 << 16
 """Points that are decoded at a time where one column is wanted; chosen by hand: a chunk of LAZ."""
+_OF_CHUNK = ("xyz", "rgb", "intensity", "classification", "point_source_id")
+"""What a chunk of points consists of."""
 _MOST_DECODED = 1_000_000
 """Points decoded for a sample of a file with few chunks; chosen by hand."""
 
@@ -85,7 +88,7 @@ class LasSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
-        for _, chunk in self._read(CHUNK):
+        for _, chunk in self._read(CHUNK, _OF_CHUNK):
             yield chunk
 
     def record_chunks(self) -> Iterator[Records]:
@@ -94,7 +97,7 @@ class LasSource(Source):
             yield records_of(points, chunk)
 
     def column_chunks(self, name: str) -> Iterator[Records]:
-        for points, chunk in self._read(_PIECE):
+        for points, chunk in self._read(_PIECE, ("xyz", name)):
             yield records_of(points, chunk, name)
 
     def native_chunks(self) -> Iterator[tuple[Chunk, np.ndarray]]:
@@ -102,14 +105,18 @@ class LasSource(Source):
         for points, chunk in self._read(CHUNK):
             yield chunk, points.array
 
-    def _read(self, most: int) -> Iterator[tuple[Any, Chunk]]:
-        """Yields the points as laspy holds them, and as a chunk of ``most`` points."""
+    def _read(self, most: int, only: tuple[str, ...] = ()) -> Iterator[tuple[Any, Chunk]]:
+        """Yields the points as laspy holds them, and as a chunk of ``most`` points.  only: the fields that are wanted; the
+        values of others mean nothing."""
         done, outside = 0, False
         # one step of rounding on either side: some writers round the bounds, some the points
         with np.errstate(invalid="ignore", over="ignore"):  # of a damaged header; no comparison with NaN holds
             low, high = self._header.mins - self._header.scales, self._header.maxs + self._header.scales
         names = set(self._header.point_format.dimension_names)
-        blocks = self._blocks_of(max(1, min(most, _BLOCK // self._header.point_format.size)))
+        if only:
+            names &= {*only, *(("red", "green", "blue") if "rgb" in only else ())}
+        fields = reduce(or_, (FIELDS.get(name, ALL) for name in only)) if only else ALL
+        blocks = self._blocks_of(max(1, min(most, _BLOCK // self._header.point_format.size)), fields)
         while done < (self.count or 0):
             with decoding(partial(self._truncated, done)):
                 points = next(blocks, None)
@@ -124,10 +131,10 @@ class LasSource(Source):
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)
 
-    def _blocks_of(self, most: int) -> Iterator[Any]:
-        """Yields all points as laspy holds them, up to ``most`` at a time."""
+    def _blocks_of(self, most: int, fields: int) -> Iterator[Any]:
+        """Yields all points as laspy holds them, up to ``most`` at a time.  fields: see LazPoints."""
         if self._laz is not None:
-            yield from map(self._as_points, self._laz.blocks(most))
+            yield from map(self._as_points, self._laz.blocks(most, fields))
             return
         with self._open() as reader:
             yield from reader.chunk_iterator(most)

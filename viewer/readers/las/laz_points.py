@@ -20,14 +20,22 @@ from threading import Lock
 import numpy as np
 
 from ....model.common.system import after_fork_in_child, widen_pipe
+from ...common.errors import InputError
 from . import laz_worker
 
 ALL = 0xFFFFFFFF
-"""Every field of a point; the bits are those of lazrs (DecompressionSelection)."""
+"""Every field of a point; the bits are those of lazrs (SELECTIVE_DECOMPRESS_*).  X, Y and the numbers of returns have none."""
+FIELDS = {"xyz": 1, "classification": 2, "intensity": 8, "scan_angle": 16, "user_data": 32, "point_source_id": 64,
+          "gps_time": 128, "rgb": 256, "return_number": 0, "number_of_returns": 0}  # fmt: skip
+"""Bits of single fields."""
 _PIPE = 1 << 20  # bytes that a process may write before they are read
 _SOON = 50_000  # points that are decoded in the time that a process takes to start, at a million a second
 _MOST_CHUNKS = 4096  # of a request, so that it stays short; chosen by hand
 
+_FAULTS = (*(-getattr(signal, name, 0) for name in ("SIGSEGV", "SIGBUS")), 0xC0000005, 0xC00000FD)
+"""Exit codes of a process that read beyond its tables or filled its stack; the last two are those of Windows."""
+
+_all: set[subprocess.Popen] = set()
 _idle: list[subprocess.Popen] = []
 _lock = Lock()
 
@@ -50,9 +58,10 @@ class LazPoints:
 
     def blocks(self, most: int, fields: int = ALL) -> Iterator[bytearray]:
         """Yields the records of all points in order, up to ``most`` at a time; the next are decoded meanwhile.  Raises LazError
-        where a chunk is damaged.  fields: what is decoded; others repeat those of an earlier point."""
+        where a chunk is damaged.  fields: what is decoded of point formats 6 to 10, which store each field apart; the others
+        repeat those of an earlier point."""
         waiting: list[int] = []
-        with _process() as process:
+        with _process(self.path) as process:
             try:
                 for request, count in self._requests(most, fields):
                     if waiting:
@@ -66,7 +75,7 @@ class LazPoints:
                 if waiting:
                     yield _answer(process, waiting.pop() * self.length)
             except GeneratorExit:  # no more is wanted: the process is kept where its answer comes sooner than a new one starts
-                if sum(waiting) > _SOON:
+                if sum(waiting) > _SOON or process.poll() is not None:
                     raise
                 for count in waiting:
                     with suppress(LazError):
@@ -101,7 +110,7 @@ class LazPoints:
         """The records of points start to stop, as many as there are.  Raises LazError where they cannot be decoded."""
         edges = np.append(0, self.points.cumsum())
         found = bytearray()
-        with _process() as process:
+        with _process(self.path) as process:
             for chunk in range(int(np.searchsorted(edges, start, "right")) - 1, len(self.points)):
                 low, high = max(start, int(edges[chunk])), min(stop, int(edges[chunk + 1]))
                 if low >= high:
@@ -117,40 +126,55 @@ class LazPoints:
 
     def chunk(self, place: int, held: int, points: int) -> bytearray:
         """The records of the chunk of ``held`` bytes at byte ``place``, which the table of chunks may not know."""
-        with _process() as process:
+        with _process(self.path) as process:
             _ask(process, self._asked([[place, held, points]]))
             return _answer(process, points * self.length)
 
 
 @contextmanager
-def _process() -> Iterator[subprocess.Popen]:
-    """A process that decodes: one that is idle, or a new one."""
+def _process(path: Path) -> Iterator[subprocess.Popen]:
+    """A process that decodes: one that is idle, or a new one.  Raises InputError where none can be started to read ``path``."""
     with _lock:
         process = _idle.pop() if _idle else None
-    if process is None or process.poll() is not None:
-        process = _started()
+    if process is not None and process.poll() is not None:
+        _end(process)
+        process = None
+    if process is None:
+        process = _started(path)
     try:
         yield process
     except LazError:
-        if process.poll() is None:
-            with _lock:
-                _idle.append(process)
+        _keep(process)
         raise
     except BaseException:  # an answer may be on its way
         _end(process)
         raise
     else:
-        with _lock:
-            _idle.append(process)
+        _keep(process)
 
 
-def _started() -> subprocess.Popen:
+def _keep(process: subprocess.Popen) -> None:
+    if process.poll() is not None:
+        _end(process)
+        return
+    with _lock:
+        _idle.append(process)
+
+
+def _started(path: Path) -> subprocess.Popen:
     found = find_spec("lazrs")
     if found is None or found.origin is None:
         raise LazError("lazrs is not installed")
     command = [sys.executable, "-I", "-S", laz_worker.__file__, str(Path(found.origin).parents[1])]
-    pipe = subprocess.PIPE
-    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, bufsize=0)
+    pipe, hidden = subprocess.PIPE, getattr(subprocess, "CREATE_NO_WINDOW", 0)  # of Windows
+    try:  # in a session of its own: Ctrl-C in the terminal is for this process
+        process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, bufsize=0,
+                                   start_new_session=True, creationflags=hidden)  # fmt: skip
+    except OSError as error:
+        raise InputError(f"{path}: no process can be started that decodes it ({error.strerror or error}); close other "
+                         "programs, or allow more processes and open files") from error  # fmt: skip
+    with _lock:
+        _all.add(process)
     if process.stdout is not None:
         widen_pipe(process.stdout.fileno(), _PIPE)
     return process
@@ -168,6 +192,8 @@ def _ask(process: subprocess.Popen, request: dict) -> None:
 
 def _answer(process: subprocess.Popen, size: int) -> bytearray:
     """The records of the request before, ``size`` bytes."""
+    if process.stdout is not None and process.stdout.closed:
+        raise LazError("this process was forked while the file was read")
     (length,) = struct.unpack("<q", _received(process, 8))
     if length >= 0:
         if length != size:
@@ -196,31 +222,42 @@ def _ended(process: subprocess.Popen) -> LazError:
     """What is said of a process that ended by itself."""
     code = process.wait()
     name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-    if code == -signal.SIGSEGV:
-        return LazError("a chunk ends the decoder (SIGSEGV)")
+    if code in _FAULTS:
+        return LazError(f"a chunk ends the decoder ({name})")
     raise MemoryError(f"the process that decodes LAZ ended ({name})")  # the system ends it, or Rust does, where memory is short
 
 
 def _end(process: subprocess.Popen) -> None:
     process.kill()
+    _close(process)
+    process.wait()
+    with _lock:
+        _all.discard(process)
+
+
+def _close(process: subprocess.Popen) -> None:
     for stream in (process.stdin, process.stdout):
         if stream is not None:
             stream.close()
-    process.wait()
 
 
 def _end_all() -> None:
-    with _lock:
-        while _idle:
-            _end(_idle.pop())
+    while True:
+        with _lock:
+            if not _idle:
+                return
+            process = _idle.pop()
+        _end(process)
 
 
 def _forget() -> None:
-    """In a fork: its parent goes on using the processes."""
+    """In a fork: its parent goes on using the processes, which end where no copy of their pipes is open."""
     global _lock
     _lock = Lock()
-    for process in _idle:
-        process.returncode = 0  # is not waited for
+    for process in _all:
+        process.returncode = 0  # is neither waited for nor killed
+        _close(process)
+    _all.clear()
     _idle.clear()
 
 

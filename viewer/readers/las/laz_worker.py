@@ -11,6 +11,7 @@ line that says why not.
 
 import io
 import json
+import os
 import signal
 import struct
 import sys
@@ -69,11 +70,21 @@ def _check(file: BinaryIO, place: int, held: int, record: bytes) -> None:
         raise ValueError(why)
 
 
-class _Piece(io.RawIOBase):
-    """A chunk as a whole LAZ stream: the place of the table, the chunk's bytes, and a table of this one chunk."""
+def _state(file: Any) -> tuple[int, ...]:
+    """What tells whether a file is still the one that was opened before."""
+    found = os.fstat(file.fileno())
+    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
-    def __init__(self, file: BinaryIO, place: int, held: int, table: bytes):
-        self._file, self._place, self._held = file, place, held
+
+class _Piece(io.RawIOBase):
+    """A chunk as a whole LAZ stream: the place of the table, the chunk's bytes, and a table of this one chunk.
+
+    The file is open only while it is read: the next request may come late or never, and an open file can be neither removed on
+    Windows nor its drive be ejected.
+    """
+
+    def __init__(self, path: bytes, file: BinaryIO, place: int, held: int, table: bytes):
+        self._path, self._state, self._place, self._held = path, _state(file), place, held
         self._head, self._table, self._at = struct.pack("<q", 8 + held), table, 0
 
     def readable(self) -> bool:
@@ -91,8 +102,11 @@ class _Piece(io.RawIOBase):
         if self._at < 8:
             data = self._head[self._at : self._at + len(buffer)]
         elif self._at < end:
-            self._file.seek(self._place + self._at - 8)
-            data = self._file.read(min(len(buffer), end - self._at))
+            with open(self._path, "rb", buffering=0) as file:
+                if _state(file) != self._state:
+                    raise OSError("the file has changed while it was read")
+                file.seek(self._place + self._at - 8)
+                data = file.read(min(len(buffer), end - self._at))
         else:
             data = self._table[self._at - end : self._at - end + len(buffer)]
         buffer[: len(data)] = data
@@ -132,11 +146,11 @@ class _Answers:
 
     def _begin(self, path: str, record: bytes, chosen: Any, place: int, held: int, points: int) -> None:
         self._key = self._decoder = None
-        file = open(bytes.fromhex(path), "rb")  # noqa: SIM115  (as long as the decoder)
-        _check(file, place, held, record)
         table = io.BytesIO()
         self._lazrs.write_chunk_table(table, [(points, held)], self._lazrs.LazVlr(record))
-        piece = io.BufferedReader(_Piece(file, place, held, table.getvalue()), 1 << 16)
+        with open(name := bytes.fromhex(path), "rb") as file:
+            _check(file, place, held, record)
+            piece = io.BufferedReader(_Piece(name, file, place, held, table.getvalue()), 1 << 18)
         self._decoder, self._done = self._lazrs.LasZipDecompressor(piece, record, chosen), 0
 
     def _part(self, key: tuple, skip: int, out: bytearray, length: int) -> bytearray:
