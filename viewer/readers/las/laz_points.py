@@ -10,7 +10,7 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -56,7 +56,7 @@ class LazPoints:
     held: np.ndarray
     place: np.ndarray
 
-    def blocks(self, most: int, fields: int = ALL) -> Iterator[bytearray]:
+    def blocks(self, most: int, fields: int = ALL) -> Generator[bytearray, None, None]:
         """Yields the records of all points in order, up to ``most`` at a time; the next are decoded meanwhile.  Raises LazError
         where a chunk is damaged.  fields: what is decoded of point formats 6 to 10, which store each field apart; the others
         repeat those of an earlier point."""

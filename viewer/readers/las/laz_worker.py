@@ -86,6 +86,7 @@ class _Piece(io.RawIOBase):
     def __init__(self, path: bytes, file: BinaryIO, place: int, held: int, table: bytes):
         self._path, self._state, self._place, self._held = path, _state(file), place, held
         self._head, self._table, self._at = struct.pack("<q", 8 + held), table, 0
+        self.why: OSError | None = None  # lazrs says only that it could not read
 
     def readable(self) -> bool:
         return True
@@ -102,16 +103,23 @@ class _Piece(io.RawIOBase):
         if self._at < 8:
             data = self._head[self._at : self._at + len(buffer)]
         elif self._at < end:
-            with open(self._path, "rb", buffering=0) as file:
-                if _state(file) != self._state:
-                    raise OSError("the file has changed while it was read")
-                file.seek(self._place + self._at - 8)
-                data = file.read(min(len(buffer), end - self._at))
+            try:
+                data = self._read(min(len(buffer), end - self._at))
+            except OSError as error:
+                self.why = error
+                raise
         else:
             data = self._table[self._at - end : self._at - end + len(buffer)]
         buffer[: len(data)] = data
         self._at += len(data)
         return len(data)
+
+    def _read(self, size: int) -> bytes:
+        with open(self._path, "rb", buffering=0) as file:
+            if _state(file) != self._state:
+                raise OSError("the file has changed while it was read")
+            file.seek(self._place + self._at - 8)
+            return file.read(size)
 
 
 class _Answers:
@@ -123,6 +131,7 @@ class _Answers:
     def __init__(self, lazrs: Any):
         self._lazrs = lazrs
         self._key, self._decoder, self._done = None, None, 0
+        self._piece: _Piece | None = None
 
     def answer(self, path: str, record: str, fields: int, chunks: list, skip: int = 0, count: int | None = None) -> bytearray:
         """The records, one after the other.  Raises ValueError where a chunk is refused, and what lazrs raises."""
@@ -150,17 +159,21 @@ class _Answers:
         self._lazrs.write_chunk_table(table, [(points, held)], self._lazrs.LazVlr(record))
         with open(name := bytes.fromhex(path), "rb") as file:
             _check(file, place, held, record)
-            piece = io.BufferedReader(_Piece(name, file, place, held, table.getvalue()), 1 << 18)
+            self._piece = _Piece(name, file, place, held, table.getvalue())
+        piece = io.BufferedReader(self._piece, 1 << 18)
         self._decoder, self._done = self._lazrs.LasZipDecompressor(piece, record, chosen), 0
 
     def _part(self, key: tuple, skip: int, out: bytearray, length: int) -> bytearray:
         self._key, decoder = None, self._decoder  # after an error it is not used again
         assert decoder is not None
-        while self._done < skip:
-            step = min(skip - self._done, 1 << 16)
-            decoder.decompress_many(bytearray(step * length))
-            self._done += step
-        decoder.decompress_many(out)
+        try:
+            while self._done < skip:
+                step = min(skip - self._done, 1 << 16)
+                decoder.decompress_many(bytearray(step * length))
+                self._done += step
+            decoder.decompress_many(out)
+        except self._lazrs.LazrsError as error:
+            raise ((self._piece and self._piece.why) or error) from None
         self._key, self._done = key, skip + len(out) // length
         return out
 
