@@ -1,16 +1,14 @@
 """The photographs inside the E57 files of a scan, for Python; pictures are decoded when they are asked for."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..common.errors import InputError
 from ..picture.camera import Camera
 from .pictures import Picture, as_picture
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
-    from ..readers.e57.e57_photographs import PinholeLens
     from ..readers.e57.e57_pictures import StoredPicture
 
 _LONGEST = 1 << 16
@@ -56,25 +54,16 @@ def photographs_of(scene: "Scene") -> list[Photograph]:
         if source.suffix.lower() != ".e57" or not source.is_file():
             before = None
             continue
-        from ..readers.e57.e57_photographs import pinhole_lenses
+        from ..readers.e57.e57_photographs import pinhole_cameras
         from ..readers.e57.e57_pictures import stored_pictures
 
-        lenses, scans, count = pinhole_lenses(source)
+        cameras, scans, count = pinhole_cameras(source)
         for stored in stored_pictures(source):
             size = stored.width, stored.height
             scan = scans.get(stored.number)
             station = None if scan is None or before is None else before + scan
-            camera = _camera(lenses.get(stored.number), stored.name)
+            camera = cameras.get(stored.number)
+            camera = None if camera is None else replace(camera, name=stored.name)
             found.append(Photograph(stored.name, source, stored.kind, size, camera, station, stored))
         before = None if before is None else before + count
     return found
-
-
-def _camera(lens: "PinholeLens | None", name: str) -> Camera | None:
-    """None also where the lens is one that no picture can be made with."""
-    if lens is None:
-        return None
-    try:
-        return Camera(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.camera_to_world, name)
-    except InputError:
-        return None

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import InputError
+from ...picture.camera import Camera
 from ..formats import check_file
 from .e57_images import decoded, listed_photographs, number_of, structures
 from .e57_nodes import first_line, library, open_e57, text_of
@@ -87,36 +88,22 @@ def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[Sta
     return photos, warnings
 
 
-@dataclass(frozen=True, eq=False)
-class PinholeLens:
-    """width, height, fx, fy, cx, cy: pixels, as in the module's docstring.  camera_to_world: (4, 4) float64."""
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    camera_to_world: np.ndarray
-
-
-def pinhole_lenses(path: Path) -> tuple[dict[int, PinholeLens], dict[int, int], int]:
-    """By place in images2D the lens of each pinhole photograph with a pose, without decoding it, and the scan of each
-    photograph that names one; and how many scans the file has.  A photograph whose numbers are impossible has no lens."""
+def pinhole_cameras(path: Path) -> tuple[dict[int, Camera], dict[int, int], int]:
+    """By place in images2D the camera of each pinhole photograph with a pose, without decoding it, and the scan of each
+    photograph that names one; and how many scans the file has.  A photograph whose numbers are impossible has no camera."""
     check_file(path)
     with open_e57(path) as file:
         root = file.root()
-        lenses: dict[int, PinholeLens] = {}
+        cameras: dict[int, Camera] = {}
         for entry in listed_photographs(path, root, ("pinhole",))[0]:
             try:
                 width, height = int(number_of(entry, "imageWidth")), int(number_of(entry, "imageHeight"))
-                fx, fy, cx, cy = _lens(entry, width, height)
+                cameras[entry.number] = Camera(width, height, *_lens(entry, width, height), entry.pose)
             except (InputError, library().E57Exception):
                 continue
-            lenses[entry.number] = PinholeLens(width, height, fx, fy, cx, cy, entry.pose)
         scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(structures(root, "data3D"))}
         named = [scans.get(text_of(image, "associatedData3DGuid")) for image in structures(root, "images2D")]
-        return lenses, {number: scan for number, scan in enumerate(named) if scan is not None}, len(scans)
+        return cameras, {number: scan for number, scan in enumerate(named) if scan is not None}, len(scans)
 
 
 def _lens(entry, width: float, height: float) -> tuple[float, float, float, float]:
