@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.ndimage import map_coordinates
 
-from pointglass.model.data.crops import Batch
-from pointglass.model.train.objective import Objective, inside_flow, warp
+from pointglass.model.data.crops import Batch, Crops
+from pointglass.model.train.objective import Objective, excess_error, inside_flow, local_light, warp
 
 
 def test_warp_follows_a_known_motion():
@@ -106,3 +106,50 @@ def test_dissimilarity_is_the_same_in_a_mixed_precision_step():
     with torch.autocast("cpu", torch.bfloat16):
         assert float(judge(made, flat)) == pytest.approx(plain, abs=1e-4)
     assert 0 <= plain < 1
+
+
+def test_the_loss_ignores_unknown_pixels_and_rewards_temporal_stability(pairs):
+    batch = Crops([pairs], 32, 1).batch(0, 2, 1)
+    objective = Objective(None, 0.1, 0.5, 1.0)
+    perfect = torch.cat([batch.colour, torch.ones(2, 1, 32, 32)], 1)
+    _, terms = objective(perfect, perfect[:0], batch)
+    assert terms["l1"] == 0 and terms["coverage"] == 0 and "change" not in terms
+    batch.known[:, :, :16] = 0
+    spoiled = perfect.clone()
+    spoiled[:, :, :16] = 0.5
+    _, terms = objective(spoiled, perfect[:0], batch)
+    assert terms["l1"] == 0 and terms["coverage"] == 0
+    spoiled[:, 3, 16:] = 0.25
+    assert objective(spoiled, perfect[:0], batch)[1]["coverage"] == pytest.approx(0.375)
+    steady = objective(perfect, warp(perfect[:1], -torch.nan_to_num(batch.flow)), batch)[1]["change"]
+    shaken = objective(perfect, torch.rand(1, 4, 32, 32), batch)[1]["change"]
+    assert steady < shaken
+
+
+def test_excess_error_counts_only_where_the_picture_is_further_from_the_truth_than_its_input(seed):
+    rng = np.random.default_rng(seed)
+    true = torch.tensor(rng.random((1, 3, 64, 64)), dtype=torch.float32)
+    weight = torch.ones(1, 1, 64, 64)
+    filled = true + 0.2
+    assert float(excess_error(true + 0.1, filled, true, weight)) == 0, "nearer to the truth"
+    assert float(excess_error(true - 0.2, filled, true, weight)) < 1e-6, "as far, on the other side"
+    assert float(excess_error(true + 0.25, filled, true, weight)) == pytest.approx(0.05, rel=1e-3)
+    left = weight.clone()
+    left[..., 32:] = 0
+    wrong = true + 0.2
+    wrong[..., 32:] += 1
+    assert float(excess_error(wrong, filled, true, left)) < 1e-6, "where the truth is unknown nothing counts"
+
+
+def test_local_light_sees_a_shift_of_brightness_and_no_texture(seed):
+    """A shift counts in full at both sizes; a texture of alternate pixels, which has no mean, counts nothing."""
+    generator = torch.Generator().manual_seed(seed)
+    true = torch.rand(2, 3, 32, 48, generator=generator)
+    weight = torch.ones(2, 1, 32, 48)
+    y, x = torch.meshgrid(torch.arange(32), torch.arange(48), indexing="ij")
+    assert float(local_light(true + 0.1 * (-1.0) ** (x + y), true, weight)) < 1e-6
+    assert float(local_light(true + 0.1, true, weight)) == pytest.approx(0.1, rel=1e-4)
+    weight[:, :, :, 24:] = 0.0  # unknown truth does not count
+    wrong = true.clone()
+    wrong[..., 24:] += 1.0
+    assert float(local_light(wrong, true, weight)) < 1e-6
