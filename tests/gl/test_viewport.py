@@ -14,7 +14,7 @@ from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
 from pointglass.viewer.window.planning.picture_plan import Plan
-from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.window.viewport.viewport import Viewport
 
 pytestmark = pytest.mark.gl
@@ -36,7 +36,7 @@ class Told:
             settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",), background="plain",
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
-        self.flight, self.work = SimpleNamespace(moving=True), Work()
+        self.flight, self.work = SimpleNamespace(moving=True), DocumentState()
         self.picture = SimpleNamespace(contended=False, dirty=False, spec=None, adaptive_lod=SimpleNamespace(target_ms=None))
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.area = SimpleNamespace(size=SIZES[0], window_size=SIZES[0], origin=(0, 0))

@@ -112,8 +112,8 @@ class Driver:
         """Runs the window's own loop, which sleeps and draws nothing where nothing happens: a worker keeps the processors."""
         from pointglass.viewer.window.shell import app
 
-        end, nap = time.monotonic() + seconds, app._NAP
-        app._NAP = NAP
+        end, nap = time.monotonic() + seconds, app._IDLE_SECONDS
+        app._IDLE_SECONDS = NAP
         try:
             while not condition():
                 assert time.monotonic() < end, "waited too long"
@@ -121,7 +121,7 @@ class Driver:
                 if self.session.flight.moving:
                     time.sleep(4 * NAP)  # a flight takes its time, however many pictures are made of it
         finally:
-            app._NAP = nap
+            app._IDLE_SECONDS = nap
         self.settle()
 
     def rest(self) -> None:

@@ -13,7 +13,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
-from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measure import evaluate
 from pointglass.viewer.work.project import places_in, write_project
@@ -32,7 +32,7 @@ class Context:
 
     def __init__(self, scene):
         self.scene, self.camera = scene, from_fov(400, 300, 60.0, look_at((2.0, 1.0, 1.5), (2.0, 5.0, 1.5)))
-        work = Work()
+        work = DocumentState()
         work.begin([])
         work.accept()
         pixels, z = self.camera.project(unpack(scene)[0])
@@ -207,7 +207,7 @@ def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
     assert work.project_path == path and work.changed(Settings(), "sky")
     work.save_project(path, context.camera, Settings(), "sky")
     assert not work.changed(Settings(), "sky")
-    other = Work()
+    other = DocumentState()
     assert other.begin([path]) == [scan] and other.opens_other
     document = other.accept()
     assert document == work.document and other.project == path
@@ -222,7 +222,7 @@ def test_what_is_recorded_of_a_scan_stays_where_it_is_saved_while_the_scan_is_aw
     here.write_text("here"), gone.write_text("gone for now")
     project = tmp_path / "p.pointglass"
     write_project(project, Document((ScanFile(str(here)), ScanFile(str(gone)))))
-    before, work = places_in(project), Work()
+    before, work = places_in(project), DocumentState()
     assert before[str(gone)].size == 12 and before[str(gone)].ends
     if away == "before it is opened":
         gone.unlink()

@@ -13,7 +13,7 @@ from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.readers import crs
 from pointglass.viewer.window.interaction.reference_panel import assign_crs, assign_unit
 from pointglass.viewer.window.panels.status_bar import units_text
-from pointglass.viewer.window.session.work import Work
+from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import read_project, write_project
 from pointglass.viewer.work.reference import UNITS, with_reference, wkt_of
@@ -32,7 +32,7 @@ class Context:
     """What the panel's actions use of a window."""
 
     def __init__(self, scene):
-        work = Work()
+        work = DocumentState()
         work.begin([])
         work.accept()
         work.edit("open", scans=(ScanFile("a.laz"), ScanFile("b.laz")))

@@ -35,7 +35,7 @@ class ChoiceWindow:
         self._focus_folder = False  # whether the field of its name is to get the keyboard
         self._answer = 0  # button of the question that Enter presses: 0 keeps the file, 1 replaces it
 
-    def draw(self, files: FileDialogs, look: Theme, *, covered: bool) -> None:
+    def draw(self, files: FileDialogs, style: Theme, *, covered: bool) -> None:
         """covered: a message is open, which hides the dialog for as long as it is there."""
         choice = files.choice
         if choice is not self._of:
@@ -44,31 +44,31 @@ class ChoiceWindow:
             return
         if not imgui.is_popup_open(POPUP):
             imgui.open_popup(POPUP)
-        size, px = imgui.get_io().display_size, look.px
+        size, px = imgui.get_io().display_size, style.px
         imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
         imgui.set_next_window_size(ImVec2(min(px(_WIDE), size.x - px(32)), min(px(_HIGH), size.y - px(32))))
         imgui.set_next_window_bg_alpha(1.0)
         if not imgui.begin_popup_modal(POPUP, None, _FLAGS)[0]:
             return
-        imgui.push_font(look.bold, theme.TITLE)
+        imgui.push_font(style.bold, theme.TITLE)
         imgui.text_unformatted(fitted(choice.request.title, imgui.get_content_region_avail().x))
         imgui.pop_font()
         naming = self._new_folder is not None
-        self._folder_row(choice, look)
-        style = imgui.get_style()
-        below = 2 * imgui.get_frame_height() + 2 * style.item_spacing.y + look.px(22)
+        self._folder_row(choice, style)
+        metrics = imgui.get_style()
+        below = 2 * imgui.get_frame_height() + 2 * metrics.item_spacing.y + style.px(22)
         height = max(imgui.get_content_region_avail().y - below, px(60))
         narrow = imgui.get_content_region_avail().x < px(480)
         if not narrow:
-            self._places(choice, files, look, height)
+            self._places(choice, files, style, height)
             imgui.same_line(0, px(8))
-        draw_entries(choice, look, height)
-        self._message(choice, look)
+        draw_entries(choice, style, height)
+        self._message(choice, style)
         if choice.question is None:
-            self._entry(choice, look)
-            self._buttons(choice, files, look)
+            self._entry(choice, style)
+            self._buttons(choice, files, style)
         else:
-            self._question(choice, look)
+            self._question(choice, style)
         if not imgui.is_window_appearing():  # the key of this frame closed what covered the dialog
             self._keys(choice, naming)
         if choice.cancelled or choice.result is not None:
@@ -77,15 +77,15 @@ class ChoiceWindow:
 
     # -- the folder --------------------------------------------------------------------------------------------------
 
-    def _folder_row(self, choice: FileChoice, look: Theme) -> None:
+    def _folder_row(self, choice: FileChoice, style: Theme) -> None:
         """Up, the folders that lead here, each to be clicked, and a new folder."""
-        px, here = look.px, choice.listing.folder
-        if compact_button("Up", look):
+        px, here = style.px, choice.listing.folder
+        if compact_button("Up", style):
             choice.up()
-        hint("The folder above (Alt + Up)", look)
+        hint("The folder above (Alt + Up)", style)
         right = ["New folder"] if self._new_folder is None else ["Make", "Cancel"]
-        style = imgui.get_style()
-        reserved = sum(imgui.calc_text_size(text).x + 2 * px(6) + style.item_spacing.x for text in right)
+        metrics = imgui.get_style()
+        reserved = sum(imgui.calc_text_size(text).x + 2 * px(6) + metrics.item_spacing.x for text in right)
         if self._new_folder is not None:
             imgui.same_line()
             imgui.set_next_item_width(imgui.get_content_region_avail().x - reserved)
@@ -95,36 +95,36 @@ class ChoiceWindow:
             entered, self._new_folder = imgui.input_text_with_hint(
                 "##new folder", "name of the new folder", self._new_folder, imgui.InputTextFlags_.enter_returns_true)
             imgui.same_line()
-            if compact_button("Make", look) or entered:
+            if compact_button("Make", style) or entered:
                 choice.make_folder(self._new_folder)
                 self._new_folder = None
                 return
             imgui.same_line()
-            if compact_button("Cancel##new folder", look):
+            if compact_button("Cancel##new folder", style):
                 self._new_folder = None
             return
-        shown = _crumbs(here, imgui.get_content_region_avail().x - imgui.get_item_rect_size().x - reserved - px(24), look)
+        shown = _crumbs(here, imgui.get_content_region_avail().x - imgui.get_item_rect_size().x - reserved - px(24), style)
         for number, (name, folder) in enumerate(shown):
             imgui.same_line(0, px(8) if number == 0 else px(2))
             imgui.push_id(number)
             imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
             imgui.push_style_var(imgui.StyleVar_.frame_border_size, 0.0)
-            if compact_button(name, look):
+            if compact_button(name, style):
                 choice.go(folder)
             imgui.pop_style_var()
             imgui.pop_style_color()
-            hint(str(folder), look)
+            hint(str(folder), style)
             imgui.pop_id()
-        imgui.same_line(imgui.get_window_width() - style.window_padding.x - reserved + style.item_spacing.x)
-        if compact_button("New folder", look):
+        imgui.same_line(imgui.get_window_width() - metrics.window_padding.x - reserved + metrics.item_spacing.x)
+        if compact_button("New folder", style):
             self._new_folder, self._focus_folder = "", True
 
-    def _places(self, choice: FileChoice, files: FileDialogs, look: Theme, height: float) -> None:
-        px = look.px
+    def _places(self, choice: FileChoice, files: FileDialogs, style: Theme, height: float) -> None:
+        px = style.px
         imgui.push_style_color(imgui.Col_.border, theme.LINE)
         imgui.begin_child("places", ImVec2(px(_PLACES), height), imgui.ChildFlags_.borders)
         imgui.pop_style_color()
-        imgui.push_font(look.regular, theme.SMALL)
+        imgui.push_font(style.regular, theme.SMALL)
         for title, places in _places_of(choice, files):
             text_in(theme.DIM, title)
             for number, (name, folder) in enumerate(places):
@@ -132,7 +132,7 @@ class ChoiceWindow:
                 width = imgui.get_content_region_avail().x
                 if imgui.selectable(fitted(name, width), folder == choice.listing.folder)[0]:
                     choice.go(folder)
-                hint(str(folder), look)
+                hint(str(folder), style)
                 imgui.pop_id()
             imgui.dummy(ImVec2(0, px(2)))
         imgui.pop_font()
@@ -140,7 +140,7 @@ class ChoiceWindow:
 
     # -- name, kinds, buttons ----------------------------------------------------------------------------------------
 
-    def _message(self, choice: FileChoice, look: Theme) -> None:
+    def _message(self, choice: FileChoice, style: Theme) -> None:
         """One line below the list: what is wrong, or how much is listed."""
         text, colour = choice.problem, theme.BAD
         if not text:
@@ -153,12 +153,12 @@ class ChoiceWindow:
                 text = f"{len(choice.chosen)} files selected"
             elif choice.waiting:
                 text = "Examining…"
-        imgui.push_font(look.regular, theme.SMALL)
+        imgui.push_font(style.regular, theme.SMALL)
         text_in(colour, fitted(text, imgui.get_content_region_avail().x))
-        hint(choice.problem, look)
+        hint(choice.problem, style)
         imgui.pop_font()
 
-    def _entry(self, choice: FileChoice, look: Theme) -> None:
+    def _entry(self, choice: FileChoice, style: Theme) -> None:
         """The field, which takes the keyboard whenever nothing else has it."""
         focused = imgui.is_window_focused(imgui.FocusedFlags_.child_windows | imgui.FocusedFlags_.no_popup_hierarchy)
         if self._new_folder is None and focused and not imgui.is_any_item_active():
@@ -184,8 +184,8 @@ class ChoiceWindow:
             choice.type(text)
         self._shown_text = choice.text
 
-    def _buttons(self, choice: FileChoice, files: FileDialogs, look: Theme) -> None:
-        px, kinds = look.px, list(choice.request.endings)
+    def _buttons(self, choice: FileChoice, files: FileDialogs, style: Theme) -> None:
+        px, kinds = style.px, list(choice.request.endings)
         names = {"save": "Save", "open": "Open", "folder": "Open this folder"}
         do = names[choice.request.kind]
         width = max(px(96), imgui.calc_text_size(do).x + px(28))
@@ -202,33 +202,33 @@ class ChoiceWindow:
             imgui.same_line()
         if imgui.get_window_width() > px(620):  # Ctrl + H does it, too
             choice.hidden = imgui.checkbox("Hidden files", choice.hidden)[1]
-            hint("Show names that begin with a dot (Ctrl + H)", look)
+            hint("Show names that begin with a dot (Ctrl + H)", style)
             imgui.same_line()
         if files.has_system and imgui.get_window_width() > px(760):
             inside = imgui.checkbox("Always here", files.folders.in_window)[1]
             files.prefer_window(inside)
-            hint("Choose files in this window, not in the system's dialog", look)
+            hint("Choose files in this window, not in the system's dialog", style)
             imgui.same_line()
         imgui.set_cursor_pos_x(imgui.get_window_width() - imgui.get_style().window_padding.x - width - px(96) - px(8))
-        if button("Cancel", look, width=px(96)):
+        if button("Cancel", style, width=px(96)):
             choice.cancel()
         imgui.same_line(0, px(8))
-        if button(do, look, width=width, primary=True):
+        if button(do, style, width=width, primary=True):
             choice.accept()
 
-    def _question(self, choice: FileChoice, look: Theme) -> None:
+    def _question(self, choice: FileChoice, style: Theme) -> None:
         """Whether the file that is there is replaced, in place of the field."""
-        px, path = look.px, choice.question
+        px, path = style.px, choice.question
         assert path is not None
         text = f"{path.name} exists already in {path.parent}."
         imgui.align_text_to_frame_padding()
         text_in(theme.WARN, fitted(text, imgui.get_content_region_avail().x))
-        hint(text, look)
+        hint(text, style)
         imgui.set_cursor_pos_x(imgui.get_window_width() - imgui.get_style().window_padding.x - 2 * px(140) - px(8))
-        if button("Keep it", look, width=px(140), primary=self._answer == 0):
+        if button("Keep it", style, width=px(140), primary=self._answer == 0):
             choice.answer(False)
         imgui.same_line(0, px(8))
-        if button("Replace it", look, width=px(140), primary=self._answer == 1):
+        if button("Replace it", style, width=px(140), primary=self._answer == 1):
             choice.answer(True)
 
     def _keys(self, choice: FileChoice, naming: bool) -> None:
@@ -281,14 +281,14 @@ def _kind_text(name: str, endings: Sequence[str]) -> str:
     return f"{name} ({shown}{' …' if len(endings) > 3 else ''})" if shown else name
 
 
-def _crumbs(here: Path, width: float, look: Theme) -> list[tuple[str, Path]]:
+def _crumbs(here: Path, width: float, style: Theme) -> list[tuple[str, Path]]:
     """Name and path of the folders that lead to ``here``, as many of the last ones as ``width`` pixels hold."""
     rows: list[tuple[str, Path]] = []
     for folder in (here, *here.parents):
         name = folder.name + "/" if folder.name else str(folder)
         if not rows:
-            name = fitted(name, max(width - look.px(40), look.px(60)))
-        width -= imgui.calc_text_size(name).x + 2 * look.px(6) + look.px(2)
+            name = fitted(name, max(width - style.px(40), style.px(60)))
+        width -= imgui.calc_text_size(name).x + 2 * style.px(6) + style.px(2)
         if rows and width < 0:
             return rows
         rows.insert(0, (name, folder))

@@ -14,7 +14,7 @@ _SIZE, _DATE = 84.0, 136.0
 _COLUMNS = ("name", "size", "date")
 
 
-def draw_entries(choice: FileChoice, look: Theme, height: float) -> None:
+def draw_entries(choice: FileChoice, style: Theme, height: float) -> None:
     """Folders and files with size and date; a click on a heading sorts.  height: pixels."""
     flags = (imgui.TableFlags_.scroll_y | imgui.TableFlags_.sortable | imgui.TableFlags_.borders_outer
              | imgui.TableFlags_.sizing_fixed_fit)
@@ -26,8 +26,8 @@ def draw_entries(choice: FileChoice, look: Theme, height: float) -> None:
     stretch, fixed = imgui.TableColumnFlags_.width_stretch, imgui.TableColumnFlags_.width_fixed
     imgui.table_setup_scroll_freeze(0, 1)
     imgui.table_setup_column("Name", stretch | imgui.TableColumnFlags_.default_sort)
-    imgui.table_setup_column("Size", fixed, look.px(_SIZE))
-    imgui.table_setup_column("Changed", fixed, look.px(_DATE))
+    imgui.table_setup_column("Size", fixed, style.px(_SIZE))
+    imgui.table_setup_column("Changed", fixed, style.px(_DATE))
     imgui.push_style_color(imgui.Col_.table_header_bg, theme.FIELD)
     imgui.table_headers_row()
     imgui.pop_style_color()
@@ -43,7 +43,7 @@ def draw_entries(choice: FileChoice, look: Theme, height: float) -> None:
         clipper.include_item_by_index(choice.cursor)
     while clipper.step():
         for number in range(clipper.display_start, clipper.display_end):
-            _row(choice, look, number, rows[number])
+            _row(choice, style, number, rows[number])
     if choice.moved and choice.cursor < 0:
         imgui.set_scroll_y(0.0)
     choice.moved = False
@@ -56,8 +56,8 @@ def draw_entries(choice: FileChoice, look: Theme, height: float) -> None:
     imgui.end_table()
 
 
-def _row(choice: FileChoice, look: Theme, number: int, entry: Entry) -> None:
-    px = look.px
+def _row(choice: FileChoice, style: Theme, number: int, entry: Entry) -> None:
+    px = style.px
     imgui.table_next_row()
     imgui.table_next_column()
     imgui.push_id(number)
@@ -86,7 +86,7 @@ def _row(choice: FileChoice, look: Theme, number: int, entry: Entry) -> None:
     imgui.pop_id()
     imgui.table_next_column()
     size = size_text(entry.size)
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(look.px(_SIZE - 16) - imgui.calc_text_size(size).x, 0))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(style.px(_SIZE - 16) - imgui.calc_text_size(size).x, 0))
     text_in(theme.DIM, size)
     imgui.table_next_column()
     if entry.modified is not None:

@@ -26,7 +26,7 @@ RADIUS = 10.0
 
 
 def edit(context: "ToolContext", label: str, gesture: object = None, **changes: object) -> None:
-    """Changes the document as one step; see Work.edit."""
+    """Changes the document as one step; see DocumentState.edit."""
     context.session.work.edit(label, gesture, **changes)
 
 

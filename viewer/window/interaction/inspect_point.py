@@ -48,7 +48,7 @@ def more_lines_of(picked: Picked) -> list[str]:
 
 
 class UnderPointer(Overlay):
-    """Keeps ``Work.under_pointer`` up to date while the picture is at rest, for the status bar.  Draws nothing itself.
+    """Keeps ``session.work.under_pointer`` up to date while the picture is at rest, for the status bar.  Draws nothing itself.
 
     The point is shown with the grid's values until those of the file have been read, on a thread; of formats in which that
     takes a pass over the file, a click reads them.

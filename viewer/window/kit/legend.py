@@ -17,7 +17,7 @@ _MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # logical pixels
 
 def _plate(overlay: "OverlayCanvas", width: float, height: float) -> tuple[float, float]:
     """A dark plate of that size; returns its left and top."""
-    px = overlay.look.px
+    px = overlay.theme.px
     left, top, _, down = overlay.area
     x, y = left + px(_MARGIN), top + down - px(_MARGIN) - height
     overlay.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(5))
@@ -26,7 +26,7 @@ def _plate(overlay: "OverlayCanvas", width: float, height: float) -> tuple[float
 
 def draw_legend(overlay: "OverlayCanvas", rows: Sequence[tuple[tuple[int, int, int], str]], title: str = "") -> None:
     """rows: sRGB colour and text of each."""
-    px, draw = overlay.look.px, overlay.draw_list
+    px, draw = overlay.theme.px, overlay.draw_list
     texts = [text for _, text in rows] + ([title] if title else [])
     width = max(imgui.calc_text_size(text).x for text in texts) + px(_SWATCH + 32)
     x, y = _plate(overlay, width, px(_ROW) * len(texts) + px(12))
@@ -43,7 +43,7 @@ def draw_legend(overlay: "OverlayCanvas", rows: Sequence[tuple[tuple[int, int, i
 
 def draw_ramp(overlay: "OverlayCanvas", colours: np.ndarray, title: str, low: str, high: str) -> None:
     """colours: (256, 3) uint8, from the value ``low`` to ``high``."""
-    px, draw = overlay.look.px, overlay.draw_list
+    px, draw = overlay.theme.px, overlay.draw_list
     width = max(px(_RAMP), imgui.calc_text_size(f"{low}    {high}").x, imgui.calc_text_size(title).x)
     x, y = _plate(overlay, width + px(20), 2 * px(_ROW) + px(_SWATCH + 12))
     x, y = x + px(10), y + px(6)

@@ -28,8 +28,8 @@ class OverlayCanvas:
     draw_list: imgui's; its clip rectangle is set to ``area`` until :meth:`end`.
     """
 
-    def __init__(self, draw_list: Any, camera: "Camera", look: Theme, area: tuple[float, float, float, float]):
-        self.draw_list, self.camera, self.look, self.area = draw_list, camera, look, area
+    def __init__(self, draw_list: Any, camera: "Camera", style: Theme, area: tuple[float, float, float, float]):
+        self.draw_list, self.camera, self.theme, self.area = draw_list, camera, style, area
         left, top, width, height = area
         self._scale = np.array([width / camera.width, height / camera.height])
         self._origin = np.array([left, top])
@@ -70,10 +70,10 @@ class OverlayCanvas:
             cut = a + share * (b - a)
             a, b = (cut, b) if depths[0] < near else (a, cut)
         (start, end), _ = self.place([a, b])
-        clipped = _clip(start, end, self.area, 4 * self.look.px(width))
+        clipped = _clip(start, end, self.area, 4 * self.theme.px(width))
         if clipped is not None:
             (x0, y0), (x1, y1) = clipped
-            self.draw_list.add_line(ImVec2(x0, y0), ImVec2(x1, y1), _shade(colour), self.look.px(width))
+            self.draw_list.add_line(ImVec2(x0, y0), ImVec2(x1, y1), _shade(colour), self.theme.px(width))
 
     def polygon(self, points, colour: str = "accent", alpha: float = 0.25) -> None:
         """A filled convex polygon of world points; not drawn where a corner is behind the camera."""
@@ -89,8 +89,8 @@ class OverlayCanvas:
 
     def mark(self, at: tuple[float, float], colour: str = "accent", size: float = 5.0, shape: Shape = "dot") -> None:
         """A mark at a position of the interface."""
-        x, y, r, draw = float(at[0]), float(at[1]), self.look.px(size), self.draw_list
-        edge, line = _shade("shade"), max(self.look.px(2.0), 1.0)
+        x, y, r, draw = float(at[0]), float(at[1]), self.theme.px(size), self.draw_list
+        edge, line = _shade("shade"), max(self.theme.px(2.0), 1.0)
         if shape in ("dot", "ring"):
             if shape == "dot":
                 draw.add_circle_filled(ImVec2(x, y), r + 0.75 * line, edge, 24)
@@ -113,7 +113,7 @@ class OverlayCanvas:
     def crosshair(self, position: tuple[float, float], colour: str = "text") -> None:
         """A crosshair with an open middle at a position in pixels of the picture."""
         x, y = (self._origin + np.array(position) * self._scale).tolist()
-        inner, outer, px = self.look.px(4.0), self.look.px(11.0), self.look.px
+        inner, outer, px = self.theme.px(4.0), self.theme.px(11.0), self.theme.px
         for shade, width in (("shade", px(3.0)), (colour, px(1.2))):
             for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
                 start, end = ImVec2(x + dx * inner, y + dy * inner), ImVec2(x + dx * outer, y + dy * outer)
@@ -123,7 +123,7 @@ class OverlayCanvas:
         """Text on a dark plate beside a world point.  offset: logical pixels from the point to the plate's nearest corner."""
         places, inside = self.place([point])
         if inside[0]:
-            shift = np.array([self.look.px(offset[0]), self.look.px(offset[1])])
+            shift = np.array([self.theme.px(offset[0]), self.theme.px(offset[1])])
             align = (0.0 if offset[0] >= 0 else 1.0, 0.0 if offset[1] >= 0 else 1.0)
             self.text(tuple(places[0] + shift), text, colour, align=align)
 
@@ -138,7 +138,7 @@ class OverlayCanvas:
                 continue
             text = texts[int(number)]
             for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
-                at = places[number] + self.look.px(10.0) * np.array([across, down])
+                at = places[number] + self.theme.px(10.0) * np.array([across, down])
                 align = (0.0 if across > 0 else 1.0, 0.0 if down > 0 else 1.0)
                 x, y, width, height = plate = self._plate(tuple(at), text, align)
                 if all(x + width <= a or a + w <= x or y + height <= b or b + h <= y for a, b, w, h in taken):
@@ -150,11 +150,11 @@ class OverlayCanvas:
         """A vertical line across the picture at a position of the interface."""
         _, top, _, height = self.area
         for shade, width in (("shade", 3.0), ("text", 1.0)):
-            self.draw_list.add_line(ImVec2(x, top), ImVec2(x, top + height), _shade(shade), self.look.px(width))
+            self.draw_list.add_line(ImVec2(x, top), ImVec2(x, top + height), _shade(shade), self.theme.px(width))
 
     def _plate(self, at: tuple[float, float], text: str, align: tuple[float, float]) -> tuple[float, float, float, float]:
         """Left, top, width and height of the plate of a text, kept inside the picture."""
-        size, px = imgui.calc_text_size(text), self.look.px
+        size, px = imgui.calc_text_size(text), self.theme.px
         width, height = size.x + 2 * px(7), size.y + 2 * px(3)
         left, top, across, down = self.area
         x = float(np.clip(at[0] - align[0] * width, left + px(4), max(left + across - width - px(4), left + px(4))))
@@ -165,7 +165,7 @@ class OverlayCanvas:
              align: tuple[float, float] = (0.0, 0.0)) -> None:
         """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies
         at ``at``; (0, 0) its top left corner, (1, 1) its bottom right one."""
-        px = self.look.px
+        px = self.theme.px
         x, y, width, height = self._plate(at, text, align)
         self.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(4))
         self.draw_list.add_text(ImVec2(x + px(7), y + px(3)), _shade(colour), text)

@@ -25,11 +25,11 @@ CLAMP = imgui.SliderFlags_.always_clamp
 _LABEL = 104.0
 
 
-def begin_docked(name: str, rect: Rect, look: Theme, *, padding: tuple[float, float] = (14, 12), scroll: bool = True) -> None:
+def begin_docked(name: str, rect: Rect, style: Theme, *, padding: tuple[float, float] = (14, 12), scroll: bool = True) -> None:
     """Begins a window that fills ``rect``; ``imgui.end`` ends it."""
     imgui.set_next_window_pos(ImVec2(rect.left, rect.top))
     imgui.set_next_window_size(ImVec2(rect.width, rect.height))
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(look.px(padding[0]), look.px(padding[1])))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(style.px(padding[0]), style.px(padding[1])))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
     imgui.set_next_window_bg_alpha(1.0)
@@ -38,17 +38,17 @@ def begin_docked(name: str, rect: Rect, look: Theme, *, padding: tuple[float, fl
     imgui.pop_style_var(3)
 
 
-def to_the_right(text: str, look: Theme) -> None:
+def to_the_right(text: str, style: Theme) -> None:
     """Places a small button of ``text`` on the line of the last item, ending where the content ends (left of a scroll bar)."""
     width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x - width)
 
 
-def heading(text: str, look: Theme) -> None:
+def heading(text: str, style: Theme) -> None:
     """The title of a section."""
-    if imgui.get_cursor_pos_y() > look.px(40):
-        imgui.dummy(ImVec2(0, look.px(3)))
-    imgui.push_font(look.bold, theme.FONT_SIZE)
+    if imgui.get_cursor_pos_y() > style.px(40):
+        imgui.dummy(ImVec2(0, style.px(3)))
+    imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(text)
     imgui.pop_font()
 
@@ -57,41 +57,41 @@ COMPACT = 6.0
 """Design units between the text of a compact button and its sides."""
 
 
-def compact_button(label: str, look: Theme) -> bool:
+def compact_button(label: str, style: Theme) -> bool:
     """A button as high as a field and hardly wider than its text, for several in a row.  Returns whether it was pressed."""
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(look.px(COMPACT), imgui.get_style().frame_padding.y))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(style.px(COMPACT), imgui.get_style().frame_padding.y))
     pressed = imgui.button(label)
     imgui.pop_style_var()
     return pressed
 
 
-def compact_width(labels: Iterable[str], look: Theme) -> float:
+def compact_width(labels: Iterable[str], style: Theme) -> float:
     """Pixels that compact buttons take beside an item, with the gap before each."""
     gap = imgui.get_style().item_spacing.x
-    return sum(imgui.calc_text_size(label).x + 2 * look.px(COMPACT) + gap for label in labels)
+    return sum(imgui.calc_text_size(label).x + 2 * style.px(COMPACT) + gap for label in labels)
 
 
-def small(text: str, look: Theme, colour=theme.DIM) -> None:
+def small(text: str, style: Theme, colour=theme.DIM) -> None:
     """Wrapped small text."""
-    imgui.push_font(look.regular, theme.SMALL)
+    imgui.push_font(style.regular, theme.SMALL)
     imgui.push_text_wrap_pos(0.0)
     text_in(colour, text)
     imgui.pop_text_wrap_pos()
     imgui.pop_font()
 
 
-def hint(text: str, look: Theme) -> None:
+def hint(text: str, style: Theme) -> None:
     """A tooltip of the item before, also where that is disabled; beside the item, so that it does not cover what follows."""
     flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
     if not text or not imgui.is_item_hovered(flags):
         return
-    width, low, size = look.px(280), imgui.get_window_pos(), imgui.get_io().display_size
+    width, low, size = style.px(280), imgui.get_window_pos(), imgui.get_io().display_size
     right = low.x + imgui.get_window_width()
-    place = ImVec2(low.x - look.px(8), imgui.get_item_rect_min().y)
-    if low.x > width + look.px(40):
+    place = ImVec2(low.x - style.px(8), imgui.get_item_rect_min().y)
+    if low.x > width + style.px(40):
         imgui.set_next_window_pos(place, 0, ImVec2(1.0, 0.0))
-    elif size.x - right > width + look.px(40):
-        imgui.set_next_window_pos(ImVec2(right + look.px(8), place.y))
+    elif size.x - right > width + style.px(40):
+        imgui.set_next_window_pos(ImVec2(right + style.px(8), place.y))
     imgui.begin_tooltip()
     imgui.push_text_wrap_pos(width)
     imgui.text_unformatted(text)
@@ -99,16 +99,16 @@ def hint(text: str, look: Theme) -> None:
     imgui.end_tooltip()
 
 
-def label(text: str, explained: str, look: Theme) -> None:
+def label(text: str, explained: str, style: Theme) -> None:
     """The name at the left of a row, with a tooltip; the next widget takes the rest of the row."""
     imgui.align_text_to_frame_padding()
     text_in(theme.DIM, text)
-    hint(explained, look)
-    imgui.same_line(look.px(_LABEL))
+    hint(explained, style)
+    imgui.same_line(style.px(_LABEL))
     imgui.set_next_item_width(-1)
 
 
-def button(text: str, look: Theme, *, width: float = 0.0, primary: bool = False, disabled: str = "",
+def button(text: str, style: Theme, *, width: float = 0.0, primary: bool = False, disabled: str = "",
            explained: str = "") -> bool:
     """A button.  disabled: the reason, "" where it can be pressed.  explained: its tooltip."""
     if primary:
@@ -120,7 +120,7 @@ def button(text: str, look: Theme, *, width: float = 0.0, primary: bool = False,
     imgui.end_disabled()
     if primary:
         imgui.pop_style_color(4)
-    hint(disabled or explained, look)
+    hint(disabled or explained, style)
     return pressed
 
 
@@ -146,7 +146,7 @@ def slider(name: str, value: float, least: float, most: float, form: str) -> flo
     return chosen if changed and least <= chosen <= most else value
 
 
-def combo(name: str, value: str, table: dict[str, str], look: Theme, *, disabled: dict[str, str] | None = None,
+def combo(name: str, value: str, table: dict[str, str], style: Theme, *, disabled: dict[str, str] | None = None,
           names: dict[str, str] | None = None) -> str:
     """A list of choices.  table: key -> tooltip.  disabled: key -> reason.  names: key -> what is shown, the key by default."""
     reasons, shown = disabled or {}, names or {}
@@ -156,20 +156,20 @@ def combo(name: str, value: str, table: dict[str, str], look: Theme, *, disabled
             flags = imgui.SelectableFlags_.disabled if reason else 0
             if imgui.selectable(shown.get(option, option), option == value, flags)[0]:
                 value = option
-            hint(reason or explained, look)
+            hint(reason or explained, style)
         imgui.end_combo()
     return value
 
 
-def setting(settings: Settings, name: str, text: str, look: Theme, *, disabled: dict[str, str] | None = None) -> Settings:
+def setting(settings: Settings, name: str, text: str, style: Theme, *, disabled: dict[str, str] | None = None) -> Settings:
     """A row that chooses one entry of a table of viewer.picture.settings.CHOICES."""
     table, value = CHOICES[name], getattr(settings, name)
-    label(text, table[value], look)
-    chosen = combo(f"##{name}", value, table, look, disabled=disabled)
+    label(text, table[value], style)
+    chosen = combo(f"##{name}", value, table, style, disabled=disabled)
     return settings if chosen == value else replace(settings, **{name: chosen})
 
 
-def rail_button(letter: str, explained: str, look: Theme, *, lit: bool = False) -> bool:
+def rail_button(letter: str, explained: str, style: Theme, *, lit: bool = False) -> bool:
     """A square button of a folded panel."""
     side = imgui.get_content_region_avail().x
     if lit:
@@ -180,15 +180,15 @@ def rail_button(letter: str, explained: str, look: Theme, *, lit: bool = False) 
     imgui.pop_style_var()
     if lit:
         imgui.pop_style_color(2)
-    hint(explained, look)
+    hint(explained, style)
     return pressed
 
 
-def facts(rows: Iterable[tuple[str, str]], look: Theme, name: str = "facts") -> None:
+def facts(rows: Iterable[tuple[str, str]], style: Theme, name: str = "facts") -> None:
     """Names and values in two columns."""
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
     if imgui.begin_table(name, 2, flags):
-        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, look.px(76))
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, style.px(76))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
         for title, value in rows:
             imgui.table_next_row()

@@ -28,7 +28,7 @@ def _centre() -> None:
     imgui.set_next_window_bg_alpha(1.0)
 
 
-def draw_message(session: Session, actions: Actions, look: Theme) -> None:
+def draw_message(session: Session, actions: Actions, style: Theme) -> None:
     """The dialog of ``session.notices.message``; its buttons and Esc close it, Enter presses the first one."""
     message, is_open = session.notices.message, imgui.is_popup_open("message")
     if message is None and not is_open:
@@ -36,29 +36,29 @@ def draw_message(session: Session, actions: Actions, look: Theme) -> None:
     if not is_open:
         imgui.open_popup("message")
     _centre()
-    width = min(look.px(520), imgui.get_io().display_size.x - look.px(96))
+    width = min(style.px(520), imgui.get_io().display_size.x - style.px(96))
     if not imgui.begin_popup_modal("message", None, _MODAL)[0]:
         return
     if message is None:  # closed by Esc
         imgui.close_current_popup()
         imgui.end_popup()
         return
-    imgui.push_font(look.bold, theme.TITLE)
+    imgui.push_font(style.bold, theme.TITLE)
     imgui.text_unformatted(message.title)
     imgui.pop_font()
-    imgui.push_text_wrap_pos(look.px(16) + width)
+    imgui.push_text_wrap_pos(style.px(16) + width)
     imgui.text_unformatted(message.text)
     imgui.pop_text_wrap_pos()
-    imgui.dummy(ImVec2(width, look.px(4)))
-    gap = look.px(8)
-    widths = [max(look.px(110), imgui.calc_text_size(answer.label).x + look.px(28)) for answer in message.answers]
+    imgui.dummy(ImVec2(width, style.px(4)))
+    gap = style.px(8)
+    widths = [max(style.px(110), imgui.calc_text_size(answer.label).x + style.px(28)) for answer in message.answers]
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - sum(widths) - gap * (len(widths) - 1))
     enter = imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)
     pressed = 0 if enter and not imgui.is_window_appearing() else None
     for number, answer in enumerate(message.answers):
         if number:
             imgui.same_line(0, gap)
-        if button(f"{answer.label}##{number}", look, width=widths[number], primary=number == 0):
+        if button(f"{answer.label}##{number}", style, width=widths[number], primary=number == 0):
             pressed = number
     if pressed is not None:
         actions.answer(pressed)
@@ -69,16 +69,16 @@ def draw_message(session: Session, actions: Actions, look: Theme) -> None:
 _HALVES = (("Move", "Gamepad", "Keep"), ("See", "Tools", "Work", "Window"))  # of the help page, left and right
 
 
-def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str]) -> None:
+def draw_help(session: Session, style: Theme, key_name: Callable[[Control], str]) -> None:
     """The table of controls.  key_name: what the person's own keyboard prints on a control's key."""
     if not session.help:
         return
-    size, px = imgui.get_io().display_size, look.px
+    size, px = imgui.get_io().display_size, style.px
     _centre()
     imgui.set_next_window_size_constraints(ImVec2(0, 0), ImVec2(size.x - px(28), size.y - px(28)))
     flags = DOCKED & ~imgui.WindowFlags_.no_scrollbar
     imgui.begin("help", None, flags | imgui.WindowFlags_.always_auto_resize)
-    imgui.push_font(look.bold, theme.TITLE)
+    imgui.push_font(style.bold, theme.TITLE)
     imgui.text_unformatted("Controls")
     imgui.pop_font()
     for number, groups in enumerate(_HALVES):
@@ -86,21 +86,21 @@ def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str])
             imgui.same_line(0, px(28))
         imgui.begin_group()
         for group in groups:
-            _group(group, look, key_name)
+            _group(group, style, key_name)
         imgui.end_group()
     text_in(theme.DIM, "F1 or Esc closes this")
     imgui.end()
 
 
-def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
-    imgui.push_font(look.bold, theme.FONT_SIZE)
+def _group(group: str, style: Theme, key_name: Callable[[Control], str]) -> None:
+    imgui.push_font(style.bold, theme.FONT_SIZE)
     text_in(theme.ACCENT, group)
     imgui.pop_font()
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
-    style = imgui.get_style()
-    room = imgui.get_io().display_size.x - look.px(28) - 2 * style.window_padding.x - style.scrollbar_size
-    if imgui.begin_table(group, 2, flags, ImVec2(min(look.px(_GROUP_WIDTH), room), 0)):
-        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, look.px(124))
+    metrics = imgui.get_style()
+    room = imgui.get_io().display_size.x - style.px(28) - 2 * metrics.window_padding.x - metrics.scrollbar_size
+    if imgui.begin_table(group, 2, flags, ImVec2(min(style.px(_GROUP_WIDTH), room), 0)):
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, style.px(124))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
         for control in CONTROLS[group]:
             imgui.table_next_row()
@@ -111,21 +111,21 @@ def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
             text_in(theme.DIM, control.help)
             imgui.pop_text_wrap_pos()
         imgui.end_table()
-    imgui.dummy(ImVec2(0, look.px(4)))
+    imgui.dummy(ImVec2(0, style.px(4)))
 
 
-def draw_load(session: Session, actions: Actions, look: Theme) -> None:
+def draw_load(session: Session, actions: Actions, style: Theme) -> None:
     """The load under way: what it does, how far it is, a way to stop it."""
     work = session.loads.current
     if work is None:
         return
-    px = look.px
+    px = style.px
     width = min(px(420), imgui.get_io().display_size.x - px(80))
     _centre()
     imgui.begin("load", None, DOCKED | imgui.WindowFlags_.always_auto_resize)
     if imgui.is_window_appearing() and session.notices.message is None:  # above what lies over the picture
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
-    imgui.push_font(look.bold, theme.FONT_SIZE)
+    imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(work.title, width))
     imgui.pop_font()
     fraction = work.fraction
@@ -136,6 +136,6 @@ def draw_load(session: Session, actions: Actions, look: Theme) -> None:
     text_in(theme.DIM, work.label[:1].upper() + work.label[1:] + share)
     imgui.same_line()
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
-    if button("Cancel", look, width=look.px(110)):
+    if button("Cancel", style, width=style.px(110)):
         actions.cancel_load()
     imgui.end()

@@ -17,19 +17,19 @@ _LOST_BOX = 112.0, 44.0
 """Half the width and height of the box that says how to get back, design units."""
 
 
-def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
+def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
     """Top left of the picture (F3).  fps: frames per second while something moves, None at rest."""
-    stats, px, area = session.picture.stats, look.px, session.area.layout.picture
+    stats, px, area = session.picture.stats, style.px, session.area.layout.picture
     if session.scene is None or stats is None or not session.profiler:
         return
     imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
     imgui.begin("profiler", None, PASSIVE)
-    imgui.push_font(look.bold, theme.FONT_SIZE)
+    imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(session.visit.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
     total = sum(stats["stages"].values()) if stats["stages"] else stats["total_ms"]
     rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"
-    imgui.push_font(look.regular, theme.SMALL)
+    imgui.push_font(style.regular, theme.SMALL)
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
     bar = px(76)
     if imgui.begin_table("stages", 3, flags):
@@ -98,11 +98,11 @@ def _short(renderer: str) -> str:
     return renderer.split(" (")[0].split("/")[0]
 
 
-def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
+def draw_handle(session: Session, style: Theme, *, hovered: bool) -> None:
     """The line between two views, its grip, and the names of the two."""
     if not session.view_settings.split or session.scene is None:
         return
-    px, draw, area = look.px, imgui.get_background_draw_list(), session.area.layout.picture
+    px, draw, area = style.px, imgui.get_background_draw_list(), session.area.layout.picture
     top, bottom = area.top, area.top + area.height
     x, middle = area.left + round(session.view_settings.split_at * area.width), (top + bottom) / 2
     active = hovered or session.dragging_handle
@@ -127,9 +127,9 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
         draw.add_text(ImVec2(left + pad.x, high + pad.y), packed(theme.TEXT), title)
 
 
-def draw_toasts(session: Session, look: Theme) -> None:
+def draw_toasts(session: Session, style: Theme) -> None:
     """Bottom centre of the picture, the latest lowest; above the labels of a comparison."""
-    area, px = session.area.layout.picture, look.px
+    area, px = session.area.layout.picture, style.px
     bottom = area.top + area.height - px(MARGIN + 46)
     lines = [toast.text for toast in session.notices.toasts]
     if session.view_settings.network_load is not None:
@@ -144,11 +144,11 @@ def draw_toasts(session: Session, look: Theme) -> None:
         imgui.end()
 
 
-def draw_recording(session: Session, look: Theme) -> None:
+def draw_recording(session: Session, style: Theme) -> None:
     """A red dot and the number of frames, below the view switch, while frame times are recorded."""
     if session.recording is None:
         return
-    area, px = session.area.layout.picture, look.px
+    area, px = session.area.layout.picture, style.px
     imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, area.top + px(56)), 0, ImVec2(0.5, 0.0))
     imgui.begin("recording", None, PASSIVE)
     at, line = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
@@ -159,11 +159,11 @@ def draw_recording(session: Session, look: Theme) -> None:
     imgui.end()
 
 
-def draw_lost(session: Session, actions: Actions, look: Theme) -> None:
+def draw_lost(session: Session, actions: Actions, style: Theme) -> None:
     """Where the picture shows nothing: how to get back, and an arrow to the scene."""
     if not session.lost or session.scene is None:
         return
-    px, area, draw = look.px, session.area.layout.picture, imgui.get_background_draw_list()
+    px, area, draw = style.px, session.area.layout.picture, imgui.get_background_draw_list()
     middle = np.array([area.left + area.width / 2, area.top + area.height / 2])
     along = session.flight.direction_to_middle(session.camera)
     half = np.array([px(_LOST_BOX[0]), px(_LOST_BOX[1])])

@@ -37,44 +37,44 @@ _NO_FILTER = "The filter is off."
 _NO_NETWORK = "Only the neural view uses the network."
 
 
-def draw_look_panel(session: Session, actions: Actions, look: Theme) -> None:
+def draw_look_panel(session: Session, actions: Actions, style: Theme) -> None:
     """At the right, open or folded to its icons.  Every change is a new Settings record, requested of the session."""
     place = session.area.layout.look
     if place is None:
         return
     if not session.area.panels.look:
-        begin_docked("look folded", place, look, padding=(5, 6), scroll=False)
-        imgui.push_font(look.bold, theme.FONT_SIZE)
-        if rail_button("<<##look", "Show how the picture is made", look):
+        begin_docked("look folded", place, style, padding=(5, 6), scroll=False)
+        imgui.push_font(style.bold, theme.FONT_SIZE)
+        if rail_button("<<##look", "Show how the picture is made", style):
             actions.fold("look", False)
-        if rail_button("?##help", "Controls (F1)", look):
+        if rail_button("?##help", "Controls (F1)", style):
             actions.do("help")
-        if rail_button("ms##profiler", "Where the time of a frame goes (F3)", look, lit=session.profiler):
+        if rail_button("ms##profiler", "Where the time of a frame goes (F3)", style, lit=session.profiler):
             actions.do("profiler")
         imgui.pop_font()
         imgui.end()
         return
-    begin_docked("look", place, look)
-    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    begin_docked("look", place, style)
+    imgui.push_font(style.regular, theme.FONT_SIZE - 1)
     old = session.view_settings.shown_settings
-    heading("Look", look)
-    to_the_right(">>", look)
+    heading("Look", style)
+    to_the_right(">>", style)
     if imgui.small_button(">>##fold look"):
         actions.fold("look", True)
-    hint("Fold this panel", look)
-    new = _look(session, actions, old, look)
-    imgui.dummy(ImVec2(0, look.px(4)))
+    hint("Fold this panel", style)
+    new = _look(session, actions, old, style)
+    imgui.dummy(ImVec2(0, style.px(4)))
     if imgui.collapsing_header("Advanced"):
-        new = _advanced(session, new, look)
-    imgui.dummy(ImVec2(0, look.px(4)))
+        new = _advanced(session, new, style)
+    imgui.dummy(ImVec2(0, style.px(4)))
     usual = new == Settings(view=new.view)
-    if button("Back to defaults", look, width=-1, disabled="Everything is as it was at first." if usual else ""):
+    if button("Back to defaults", style, width=-1, disabled="Everything is as it was at first." if usual else ""):
         new = Settings(view=new.view)
-    half = (imgui.get_content_region_avail().x - look.px(8)) / 2
-    if button("Controls", look, width=half, explained="Keys and mouse (F1)"):
+    half = (imgui.get_content_region_avail().x - style.px(8)) / 2
+    if button("Controls", style, width=half, explained="Keys and mouse (F1)"):
         actions.do("help")
-    imgui.same_line(0, look.px(8))
-    if button("Profiler", look, width=half, explained="Where the time of a frame goes (F3)"):
+    imgui.same_line(0, style.px(8))
+    if button("Profiler", style, width=half, explained="Where the time of a frame goes (F3)"):
         actions.do("profiler")
     imgui.pop_font()
     imgui.end()
@@ -82,68 +82,68 @@ def draw_look_panel(session: Session, actions: Actions, look: Theme) -> None:
         actions.request(new)
 
 
-def _look(session: Session, actions: Actions, new: Settings, look: Theme) -> Settings:
+def _look(session: Session, actions: Actions, new: Settings, style: Theme) -> Settings:
     chosen = session.view_settings
     neural = "neural" in (new.view, *chosen.sides)
-    label("quality", CHOICES["quality"][new.quality], look)
-    quality = combo("##quality", new.quality, CHOICES["quality"], look, disabled=missing_qualities(new))
+    label("quality", CHOICES["quality"][new.quality], style)
+    quality = combo("##quality", new.quality, CHOICES["quality"], style, disabled=missing_qualities(new))
     if quality != new.quality:
         new = replace(new, quality=quality)
     label("detail", _NO_NETWORK if not neural else "From smooth to every measured grain; in the middle, what the scan's noise "
-          "suggests", look)
+          "suggests", style)
     imgui.begin_disabled(not neural)
     changed, detail = imgui.slider_float("##detail", new.detail, 0.0, 2.0, _detail_text(new.detail), CLAMP)
     imgui.end_disabled()
-    hint("" if neural else _NO_NETWORK, look)
+    hint("" if neural else _NO_NETWORK, style)
     if changed and 0.0 <= detail <= 2.0:
         new = replace(new, detail=detail)
-    label("compare", "Two views side by side (key V)", look)
+    label("compare", "Two views side by side (key V)", style)
     changed, on = imgui.checkbox("with", chosen.split)
     if changed:
         actions.compare(on)
     imgui.same_line()
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(not chosen.split)
-    left = combo("##left side", chosen.left, CHOICES["view"], look,
+    left = combo("##left side", chosen.left, CHOICES["view"], style,
                  names={view: row.title for view, row in VIEWS.items()})
     imgui.end_disabled()
-    hint("" if chosen.split else "Tick the box to compare two views.", look)
+    hint("" if chosen.split else "Tick the box to compare two views.", style)
     if left != chosen.left:
         actions.choose_left(left)
     table = {name: BACKGROUNDS[name] for name in COLOURS}
-    label("background", f"Behind everything that was neither measured nor filled: {table[chosen.background]}", look)
-    background = combo("##background", chosen.background, table, look)
+    label("background", f"Behind everything that was neither measured nor filled: {table[chosen.background]}", style)
+    background = combo("##background", chosen.background, table, style)
     if background != chosen.background:
         actions.choose_background(background)
     label("in flight", "Holds a steady frame rate while the camera moves: a lower resolution, fewer points and the filled view "
-          "where needed; full quality at rest", look)
+          "where needed; full quality at rest", style)
     changed, quick = imgui.checkbox("keep up", session.picture.adaptive_lod.keep_up)
     if changed:
         actions.keep_up(quick)
     return new
 
 
-def _advanced(session: Session, new: Settings, look: Theme) -> Settings:
-    heading("Hidden points", look)
-    new = setting(new, "filter", "filter", look)
+def _advanced(session: Session, new: Settings, style: Theme) -> Settings:
+    heading("Hidden points", style)
+    new = setting(new, "filter", "filter", style)
     off = new.filter == "off"
-    label("strength", "Multiplies the depth tolerance; 1 is the preset's own, less keeps fewer points", look)
+    label("strength", "Multiplies the depth tolerance; 1 is the preset's own, less keeps fewer points", style)
     imgui.begin_disabled(off)
     new = replace(new, filter_strength=slider("##strength", new.filter_strength, 0.1, 10.0, "%.2f"))
     imgui.end_disabled()
-    hint(_NO_FILTER if off else "", look)
-    label("levels", "Levels of the depth pyramid; auto is the preset's own", look)
+    hint(_NO_FILTER if off else "", style)
+    label("levels", "Levels of the depth pyramid; auto is the preset's own", style)
     imgui.begin_disabled(off)
     changed, value = imgui.slider_int(
         "##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d", CLAMP
     )
     imgui.end_disabled()
-    hint(_NO_FILTER if off else "", look)
+    hint(_NO_FILTER if off else "", style)
     if changed and 0 <= value <= 12:
         new = replace(new, filter_levels=value or None)
-    heading("Points", look)
+    heading("Points", style)
     every = new.lod is None
-    label("density", "Points drawn per pixel that a cell covers; every point where the box is not ticked", look)
+    label("density", "Points drawn per pixel that a cell covers; every point where the box is not ticked", style)
     ticked, on = imgui.checkbox("##lod", not every)
     if ticked:
         new = replace(new, lod=_LOD_DEFAULT if on else None)
@@ -154,13 +154,13 @@ def _advanced(session: Session, new: Settings, look: Theme) -> Settings:
     imgui.end_disabled()
     if new.lod is not None:
         new = replace(new, lod=value)
-    new = setting(new, "stations", "stations", look)
-    new = setting(new, "soft_z", "soft depth", look)
-    new = setting(new, "raster", "rasteriser", look)
-    heading("Network", look)
-    new = _own_weights(new, session, look)
-    new = setting(new, "precision", "precision", look)
-    return setting(new, "device", "device", look, disabled=_missing_devices())
+    new = setting(new, "stations", "stations", style)
+    new = setting(new, "soft_z", "soft depth", style)
+    new = setting(new, "raster", "rasteriser", style)
+    heading("Network", style)
+    new = _own_weights(new, session, style)
+    new = setting(new, "precision", "precision", style)
+    return setting(new, "device", "device", style, disabled=_missing_devices())
 
 
 def _missing_devices() -> dict[str, str]:
@@ -176,7 +176,7 @@ def _detail_text(detail: float) -> str:
     return "by the noise" if abs(detail - 1.0) < 0.02 else "%.2f smoother" if detail < 1.0 else "%.2f finer"
 
 
-def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
+def _own_weights(settings: Settings, session: Session, style: Theme) -> Settings:
     """A row that chooses among a person's own weights, where there are any."""
     own = session.view_settings.own_weights
     if not own and settings.weights is None:
@@ -186,7 +186,7 @@ def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
         names.setdefault(settings.weights, settings.weights.rpartition("/")[2])
     table = {_SHIPPED: "the weights that came with pointglass", **{name: path for path, name in names.items()}}
     value = _SHIPPED if settings.weights is None else names[settings.weights]
-    label("weights", "Your own weights, made by `pointglass train`", look)
-    chosen = combo("##weights", value, table, look)
+    label("weights", "Your own weights, made by `pointglass train`", style)
+    chosen = combo("##weights", value, table, style)
     path = next((path for path, name in names.items() if name == chosen), None)
     return settings if chosen == value else replace(settings, weights=path)

@@ -19,57 +19,57 @@ _RAIL_BESIDES_TOOLS = 4
 """Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""
 
 
-def draw_scenes_panel(session: Session, toolbox: Toolbox, tools: ToolContext, actions: Actions, look: Theme) -> None:
+def draw_scenes_panel(session: Session, toolbox: Toolbox, tools: ToolContext, actions: Actions, style: Theme) -> None:
     """At the left, open or folded to its icons."""
     place = session.area.layout.scenes
     if place is None:
         return
     if not session.area.panels.scenes:
-        _folded(session, toolbox, actions, look)
+        _folded(session, toolbox, actions, style)
         return
-    begin_docked("scenes", place, look)
-    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
-    heading("Scans", look)
-    to_the_right("<<", look)
+    begin_docked("scenes", place, style)
+    imgui.push_font(style.regular, theme.FONT_SIZE - 1)
+    heading("Scans", style)
+    to_the_right("<<", style)
     if imgui.small_button("<<##fold scenes"):
         actions.fold("scenes", True)
-    hint("Fold the scene list", look)
-    _scans(session, actions, look)
-    _open_buttons(actions, look)
-    heading("Tools", look)
-    _tools(toolbox, tools, actions, look)
-    _viewpoints(actions, look)
-    _notices(session, actions, look)
+    hint("Fold the scene list", style)
+    _scans(session, actions, style)
+    _open_buttons(actions, style)
+    heading("Tools", style)
+    _tools(toolbox, tools, actions, style)
+    _viewpoints(actions, style)
+    _notices(session, actions, style)
     imgui.pop_font()
     imgui.end()
 
 
-def _folded(session: Session, toolbox: Toolbox, actions: Actions, look: Theme) -> None:
+def _folded(session: Session, toolbox: Toolbox, actions: Actions, style: Theme) -> None:
     place = session.area.layout.scenes
     assert place is not None
-    begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
-    imgui.push_font(look.bold, theme.FONT_SIZE)
+    begin_docked("scenes folded", place, style, padding=(5, 6), scroll=False)
+    imgui.push_font(style.bold, theme.FONT_SIZE)
     number = len(toolbox.tools) + _RAIL_BESIDES_TOOLS
-    free = (place.height - look.px(12) - number * (place.width - look.px(10))) / (number - 1)
+    free = (place.height - style.px(12) - number * (place.width - style.px(10))) / (number - 1)
     usual = imgui.get_style().item_spacing
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, look.px(1)), usual.y)))
-    if rail_button(">>##scenes", "Show the scene list", look):
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, style.px(1)), usual.y)))
+    if rail_button(">>##scenes", "Show the scene list", style):
         actions.fold("scenes", False)
-    if rail_button("O", "Open scans", look):
+    if rail_button("O", "Open scans", style):
         actions.do("open")
     for tool in toolbox.tools:
-        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is toolbox.active):
+        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), style, lit=tool is toolbox.active):
             actions.select_tool(tool.name)
             actions.fold("scenes", tool is toolbox.fly)  # a tool's controls are in the open panel
-    if rail_button("H##home", "Back to the start viewpoint (Home)", look):
+    if rail_button("H##home", "Back to the start viewpoint (Home)", style):
         actions.do("home")
     if session.notices.of_scan:
         at = imgui.get_cursor_screen_pos()
-        if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", look):
+        if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", style):
             actions.fold("scenes", False)
-        side = place.width - look.px(10)
-        dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
-        imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
+        side = place.width - style.px(10)
+        dot = ImVec2(at.x + side - style.px(5), at.y + style.px(5))
+        imgui.get_window_draw_list().add_circle_filled(dot, style.px(4), packed(theme.WARN), 16)
     imgui.pop_style_var()
     imgui.pop_font()
     imgui.end()
@@ -79,36 +79,36 @@ def _explained(tool) -> str:
     return f"{tool.label}: {tool.help}" + (f" (key {tool.key})" if tool.key else "")
 
 
-def _scans(session: Session, actions: Actions, look: Theme) -> None:
+def _scans(session: Session, actions: Actions, style: Theme) -> None:
     scene = session.scene
     assert scene is not None
     sources = scene.meta.get("sources") or ["points in memory"]
     width = imgui.get_content_region_avail().x
     if len(sources) > 1 and len(parts := files_of(scene)) == len(sources):
-        _files(session, actions, look, parts)
+        _files(session, actions, style, parts)
     else:
         for source in sources[:_ROWS]:
             imgui.text_unformatted(fitted(Path(source).name, width))
-            hint(source, look)
+            hint(source, style)
         if len(sources) > _ROWS:
             text_in(theme.DIM, f"and {len(sources) - _ROWS} more")
-    imgui.push_font(look.regular, theme.SMALL)
+    imgui.push_font(style.regular, theme.SMALL)
     rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
     rows.append(("format", str(scene.meta.get("format") or "unknown")))
     rows.append(("units", units_text(session.facts)))
     extent = scene.bounds[1] - scene.bounds[0]
     rows.append(("extent", " x ".join(f"{length:.4g}" for length in extent)))
     rows.append(("spacing", f"{scene.spacing:.3g}"))
-    facts(rows, look, "scan facts")
+    facts(rows, style, "scan facts")
     imgui.pop_font()
     if session.visit.preview and session.loads.current is not None:
-        small("Preview; all points follow.", look, theme.WARN)
+        small("Preview; all points follow.", style, theme.WARN)
 
 
-def _files(session: Session, actions: Actions, look: Theme, parts: list[FilePart]) -> None:
+def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePart]) -> None:
     """The files of the scene, each with a switch that shows it and a name that flies to it."""
-    style = imgui.get_style()
-    row = imgui.get_frame_height() + style.item_spacing.y
+    metrics = imgui.get_style()
+    row = imgui.get_frame_height() + metrics.item_spacing.y
     if len(parts) > _ROWS:
         imgui.begin_child("files", ImVec2(0, _ROWS * row))
     hidden = set(session.document.hidden_stations)
@@ -123,57 +123,57 @@ def _files(session: Session, actions: Actions, look: Theme, parts: list[FilePart
             changed, on = imgui.checkbox("##file", on)
             imgui.end_disabled()
             hint("Show the points of this file" if part.apart else "This file shares its number with others in the grid: it "
-                 "cannot be hidden by itself", look)
+                 "cannot be hidden by itself", style)
             if changed:
                 actions.show_points_of(part, on)
             imgui.same_line()
-            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + style.frame_padding.y)
+            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + metrics.frame_padding.y)
             if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x)):
                 actions.fly_to_file(part)
-            hint(f"{part.path}\nA click flies to it", look)
+            hint(f"{part.path}\nA click flies to it", style)
             imgui.pop_id()
     if len(parts) > _ROWS:
         imgui.end_child()
 
 
-def _open_buttons(actions: Actions, look: Theme) -> None:
-    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
-    if button("Open…", look, width=width, explained="Choose scan files"):
+def _open_buttons(actions: Actions, style: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - style.px(8)) / 2
+    if button("Open…", style, width=width, explained="Choose scan files"):
         actions.do("open")
-    imgui.same_line(0, look.px(8))
-    if button("Close", look, width=width, explained="Back to the start page"):
+    imgui.same_line(0, style.px(8))
+    if button("Close", style, width=width, explained="Back to the start page"):
         actions.do("close_scan")
 
 
-def _tools(toolbox: Toolbox, tools: ToolContext, actions: Actions, look: Theme) -> None:
-    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+def _tools(toolbox: Toolbox, tools: ToolContext, actions: Actions, style: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - style.px(8)) / 2
     for number, tool in enumerate(toolbox.tools):
         if number % 2:
-            imgui.same_line(0, look.px(8))
+            imgui.same_line(0, style.px(8))
         lit = tool is toolbox.active
-        if button(f"{tool.label}##{tool.name}", look, width=width, primary=lit, explained=_explained(tool)):
+        if button(f"{tool.label}##{tool.name}", style, width=width, primary=lit, explained=_explained(tool)):
             actions.select_tool(tool.name)
     toolbox.active.panel(imgui, tools)
 
 
-def _viewpoints(actions: Actions, look: Theme) -> None:
-    heading("Viewpoint", look)
-    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
-    if button("Start", look, width=width, explained="Back to the start viewpoint (key Home)"):
+def _viewpoints(actions: Actions, style: Theme) -> None:
+    heading("Viewpoint", style)
+    width = (imgui.get_content_region_avail().x - style.px(8)) / 2
+    if button("Start", style, width=width, explained="Back to the start viewpoint (key Home)"):
         actions.do("home")
-    imgui.same_line(0, look.px(8))
-    if button("Whole scene", look, width=width, explained="See the whole scene from here (key F)"):
+    imgui.same_line(0, style.px(8))
+    if button("Whole scene", style, width=width, explained="See the whole scene from here (key F)"):
         actions.do("frame")
 
 
-def _notices(session: Session, actions: Actions, look: Theme) -> None:
+def _notices(session: Session, actions: Actions, style: Theme) -> None:
     if not session.notices.of_scan:
         return
-    heading("Notices", look)
+    heading("Notices", style)
     for number, notice in enumerate(session.notices.of_scan):
         imgui.push_id(number)
-        small(notice.text, look, theme.TEXT)
+        small(notice.text, style, theme.TEXT)
         if notice.action and link(notice.label):
             actions.act_on_notice(notice.action)
-        imgui.dummy(ImVec2(0, look.px(2)))
+        imgui.dummy(ImVec2(0, style.px(2)))
         imgui.pop_id()

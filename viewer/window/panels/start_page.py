@@ -47,9 +47,9 @@ class StartPage:
         image = load_thumbnail(scan)
         return None if image is None else texture_of(self._context, image)
 
-    def draw(self, offers: Sequence[Recoverable], actions: Actions, look: Theme) -> None:
+    def draw(self, offers: Sequence[Recoverable], actions: Actions, style: Theme) -> None:
         """Draws the page, where no scan is shown or being opened.  offers: unsaved work of windows that are gone."""
-        px, size = look.px, imgui.get_io().display_size
+        px, size = style.px, imgui.get_io().display_size
         recent = self._load()
         width = min(size.x - px(32), px(4 * _CARD + 3 * 12 + 32))
         imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
@@ -60,66 +60,66 @@ class StartPage:
         imgui.begin("start", None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
         imgui.pop_style_var()
         imgui.pop_style_color()
-        imgui.push_font(look.bold, theme.TITLE + 8)
+        imgui.push_font(style.bold, theme.TITLE + 8)
         imgui.text_unformatted("pointglass")
         imgui.pop_font()
         text_in(theme.DIM, "Walk through a laser scan.")
         imgui.dummy(ImVec2(0, px(6)))
-        self._buttons(actions, look)
-        self._drop_area(look)
-        self._unsaved(offers, actions, look)
+        self._buttons(actions, style)
+        self._drop_area(style)
+        self._unsaved(offers, actions, style)
         if recent:
-            heading("Recent scans", look)
-            self._cards(actions, look, recent)
+            heading("Recent scans", style)
+            self._cards(actions, style, recent)
         imgui.end()
 
-    def _buttons(self, actions: Actions, look: Theme) -> None:
-        narrow = imgui.get_content_region_avail().x < look.px(460)
-        gap = 0 if narrow else look.px(8)
-        width = -1.0 if narrow else look.px(140)
-        if button("Open scans…", look, width=width, primary=True,
+    def _buttons(self, actions: Actions, style: Theme) -> None:
+        narrow = imgui.get_content_region_avail().x < style.px(460)
+        gap = 0 if narrow else style.px(8)
+        width = -1.0 if narrow else style.px(140)
+        if button("Open scans…", style, width=width, primary=True,
                   explained="Choose one file or several, which make one scene"):
             actions.do("open")
         if not narrow:
             imgui.same_line(0, gap)
-        if button("Open a folder…", look, width=width,
+        if button("Open a folder…", style, width=width,
                   explained=f"A folder of scans, or a {KNOWN_FOLDERS} folder"):
             actions.do("open_folder")
         if not narrow:
             imgui.same_line(0, gap)
-        if button("Try the demo", look, width=width,
+        if button("Try the demo", style, width=width,
                   explained="A small scan that came with pointglass"):
             actions.do("demo")
 
-    def _unsaved(self, offers: Sequence[Recoverable], actions: Actions, look: Theme) -> None:
+    def _unsaved(self, offers: Sequence[Recoverable], actions: Actions, style: Theme) -> None:
         """Work that windows which ended before it was saved have left."""
         if offers:
-            heading("Unsaved work", look)
+            heading("Unsaved work", style)
         for number, found in enumerate(offers):
             imgui.push_id(number)
-            if button("Restore", look, width=look.px(110), primary=True, explained="Opens the scan with this work"):
+            if button("Restore", style, width=style.px(110), primary=True, explained="Opens the scan with this work"):
                 actions.restore(found)
-            imgui.same_line(0, look.px(8))
-            if button("Discard…", look, width=look.px(110)):
+            imgui.same_line(0, style.px(8))
+            if button("Discard…", style, width=style.px(110)):
                 actions.ask_to_discard(found)
-            imgui.same_line(0, look.px(12))
+            imgui.same_line(0, style.px(12))
             imgui.align_text_to_frame_padding()
             told = f"{found.unsaved.title}, {found.when}: {found.text}"
             imgui.text_unformatted(fitted(told, imgui.get_content_region_avail().x))
-            hint("\n".join(scan.path for scan in found.unsaved.document.scans[:8]), look)
+            hint("\n".join(scan.path for scan in found.unsaved.document.scans[:8]), style)
             imgui.pop_id()
 
-    def _drop_area(self, look: Theme) -> None:
-        px, width = look.px, imgui.get_content_region_avail().x
+    def _drop_area(self, style: Theme) -> None:
+        px, width = style.px, imgui.get_content_region_avail().x
         imgui.dummy(ImVec2(0, px(4)))
         at, height, draw = imgui.get_cursor_screen_pos(), px(104), imgui.get_window_draw_list()
         corner = ImVec2(at.x + width, at.y + height)
         draw.add_rect_filled(at, corner, packed(theme.PANEL), px(10))
         _dashed(draw, at, corner, packed(theme.EDGE), px(1.5), px(7))
-        texts = (("Drop scans here", look.bold, theme.TITLE, theme.TEXT, 18),
-                 (KNOWN_FILES, look.regular, theme.SMALL, theme.DIM, 50),
+        texts = (("Drop scans here", style.bold, theme.TITLE, theme.TEXT, 18),
+                 (KNOWN_FILES, style.regular, theme.SMALL, theme.DIM, 50),
                  (f"{KNOWN_FOLDERS} folders, and folders of scans. F1 shows the controls.",
-                  look.regular, theme.SMALL, theme.DIM, 72))
+                  style.regular, theme.SMALL, theme.DIM, 72))
         for text, font, tall, colour, down in texts:
             imgui.push_font(font, tall)
             shown = fitted(text, width - px(24))
@@ -128,26 +128,26 @@ class StartPage:
             imgui.pop_font()
         imgui.dummy(ImVec2(width, height))
 
-    def _cards(self, actions: Actions, look: Theme, recent: list[RecentScan]) -> None:
-        px = look.px
+    def _cards(self, actions: Actions, style: Theme, recent: list[RecentScan]) -> None:
+        px = style.px
         columns = max(1, int((imgui.get_content_region_avail().x + px(12)) / px(_CARD + 12)))
         for number, (scan, texture) in enumerate(zip(recent, self._textures)):
             if number % columns:
                 imgui.same_line(0, px(12))
             imgui.push_id(number)
             imgui.begin_group()
-            self._card(actions, look, scan, texture)
+            self._card(actions, style, scan, texture)
             imgui.end_group()
             imgui.pop_id()
 
-    def _card(self, actions: Actions, look: Theme, scan: RecentScan, texture: "moderngl.Texture | None") -> None:
-        px, reason = look.px, scan.missing
+    def _card(self, actions: Actions, style: Theme, scan: RecentScan, texture: "moderngl.Texture | None") -> None:
+        px, reason = style.px, scan.missing
         at, size = imgui.get_cursor_screen_pos(), ImVec2(px(_CARD), px(_PICTURE))
         imgui.begin_disabled(bool(reason))
         pressed = imgui.invisible_button("card", size)
         imgui.end_disabled()
         over = imgui.is_item_hovered()
-        hint(reason or "\n".join(scan.paths[:8]), look)
+        hint(reason or "\n".join(scan.paths[:8]), style)
         draw, corner = imgui.get_window_draw_list(), ImVec2(at.x + size.x, at.y + size.y)
         if texture is not None:
             shade = imgui.get_color_u32((1.0, 1.0, 1.0, 0.35 if reason else 1.0))
@@ -155,10 +155,10 @@ class StartPage:
         else:
             draw.add_rect_filled(at, corner, packed(theme.FIELD), px(6))
         draw.add_rect(at, corner, packed(theme.ACCENT if over else theme.EDGE), px(6), px(2 if over else 1))
-        imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+        imgui.push_font(style.regular, theme.FONT_SIZE - 1)
         text_in(theme.DIM if reason else theme.TEXT, fitted(scan.title, size.x))
         imgui.pop_font()
-        small((reason and "not there any more") or f"{count_text(scan.points)} points", look)
+        small((reason and "not there any more") or f"{count_text(scan.points)} points", style)
         if pressed:
             actions.open([Path(path) for path in scan.paths])
 

@@ -83,14 +83,14 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
 _ORDER = (0, 3, 5, 2, 4, 1)  # what is kept first where the window is narrow
 
 
-def draw_status_bar(session: Session, look: Theme, *, fps: float | None) -> None:
+def draw_status_bar(session: Session, style: Theme, *, fps: float | None) -> None:
     """At the bottom of the window.  fps: frames per second while something moves, None at rest."""
     bar = session.area.layout.status
     if bar is None:
         return
-    px = look.px
-    begin_docked("status", bar, look, padding=(12, 6), scroll=False)
-    imgui.push_font(look.regular, theme.SMALL)
+    px = style.px
+    begin_docked("status", bar, style, padding=(12, 6), scroll=False)
+    imgui.push_font(style.regular, theme.SMALL)
     columns, room, kept = _columns(session, fps), bar.width - px(24), set()
     for number in _ORDER:
         needed = px(columns[number].width or 130)
@@ -105,7 +105,7 @@ def draw_status_bar(session: Session, look: Theme, *, fps: float | None) -> None
         imgui.set_cursor_screen_pos(ImVec2(x, bar.top + px(7)))
         text_in(theme.WARN if column.warn else theme.TEXT if number in (0, 3) else theme.DIM,
                 fitted(column.text, min(width - px(14), bar.left + bar.width - x - px(8))))
-        hint(column.explained, look)
+        hint(column.explained, style)
         x += width
     draw = imgui.get_window_draw_list()
     draw.add_line(ImVec2(bar.left, bar.top), ImVec2(bar.left + bar.width, bar.top), packed(theme.LINE), 1.0)

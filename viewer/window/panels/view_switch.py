@@ -13,11 +13,11 @@ from ..session.session import Session
 _WIDTH, _SHORT_WIDTH, _HEIGHT = 84.0, 46.0, 30.0
 
 
-def draw_view_switch(session: Session, actions: Actions, look: Theme) -> None:
+def draw_view_switch(session: Session, actions: Actions, style: Theme) -> None:
     """Top centre of the picture."""
     if session.scene is None:
         return
-    px, area, chosen = look.px, session.area.layout.picture, session.view_settings
+    px, area, chosen = style.px, session.area.layout.picture, session.view_settings
     short = area.width < px(len(VIEWS) * _WIDTH + 60 + 2 * MARGIN)
     width, height = px(_SHORT_WIDTH if short else _WIDTH), px(_HEIGHT)
     whole = len(VIEWS) * width + px(8) + px(40)
@@ -26,7 +26,7 @@ def draw_view_switch(session: Session, actions: Actions, look: Theme) -> None:
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(px(4), px(4)))
     imgui.begin("view switch", None, DOCKED)
     imgui.pop_style_var()
-    imgui.push_font(look.regular, theme.SMALL)
+    imgui.push_font(style.regular, theme.SMALL)
     wanted = chosen.shown_settings.view
     for number, (view, row) in enumerate(VIEWS.items()):
         if number:
@@ -34,7 +34,7 @@ def draw_view_switch(session: Session, actions: Actions, look: Theme) -> None:
         lit, asked = view in session.screen.drawn, view == wanted
         smaller = session.screen.smaller_network if "network" in row.passes and lit else None
         coming = asked and (not lit or smaller is not None)
-        if _segment(row.short if short else row.title, width, height, look, lit=lit, asked=coming):
+        if _segment(row.short if short else row.title, width, height, style, lit=lit, asked=coming):
             actions.show_view(view)
         state = ""
         if smaller is not None:
@@ -42,16 +42,16 @@ def draw_view_switch(session: Session, actions: Actions, look: Theme) -> None:
         elif coming:
             loading = chosen.network_load is not None
             state = "\nAsked for; " + ("its network is being loaded." if loading else "shown as soon as it is made.")
-        hint(f"{row.text} (key {number + 1}){state}", look)
+        hint(f"{row.text} (key {number + 1}){state}", style)
     imgui.same_line(0, px(4))
-    if _segment("||", px(36), height, look, lit=chosen.split, asked=False):
+    if _segment("||", px(36), height, style, lit=chosen.split, asked=False):
         actions.compare(not chosen.split)
-    hint("Compare two views side by side (key V)", look)
+    hint("Compare two views side by side (key V)", style)
     imgui.pop_font()
     imgui.end()
 
 
-def _segment(text: str, width: float, height: float, look: Theme, *, lit: bool, asked: bool) -> bool:
+def _segment(text: str, width: float, height: float, style: Theme, *, lit: bool, asked: bool) -> bool:
     colours = [(imgui.Col_.button, theme.ACCENT), (imgui.Col_.button_hovered, theme.ACCENT),
                (imgui.Col_.button_active, theme.ACCENT), (imgui.Col_.text, theme.ACCENT_TEXT)] if lit else []  # fmt: skip
     for slot, colour in colours:
@@ -60,8 +60,8 @@ def _segment(text: str, width: float, height: float, look: Theme, *, lit: bool, 
     imgui.pop_style_color(len(colours))
     if asked:
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        inset = look.px(1.5)
+        inset = style.px(1.5)
         colour = packed(theme.ACCENT_TEXT if lit else theme.ACCENT)
         imgui.get_window_draw_list().add_rect(
-            ImVec2(low.x + inset, low.y + inset), ImVec2(high.x - inset, high.y - inset), colour, look.px(5), look.px(2.5))
+            ImVec2(low.x + inset, low.y + inset), ImVec2(high.x - inset, high.y - inset), colour, style.px(5), style.px(2.5))
     return pressed

@@ -28,7 +28,7 @@ class Plan:
     network: str | None = None
 
 
-class Picture:
+class RefinementState:
     """dirty: whether it must be made again.  made: how it was made, None where there is none.  spec: the description that was
     drawn, None before the first.  pending: the plan whose network is still running, or whose points are still arriving; None
     otherwise.

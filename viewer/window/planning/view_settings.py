@@ -15,7 +15,7 @@ from ...picture.views import VIEWS
 from ..kit.notices import Notices
 from ..kit.worker import Worker
 from .networks import network_key, smaller_networks
-from .picture_plan import Picture
+from .picture_plan import RefinementState
 
 if TYPE_CHECKING:
     from ...work.document import Document
@@ -33,7 +33,7 @@ class ViewSettings:
     def __init__(
         self,
         settings: Settings,
-        picture: Picture,
+        picture: RefinementState,
         notices: Notices,
         load_network: Callable[[Settings], None],
         wake: Callable[[], None],

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FILE = "window.json"
 SMALLEST, LARGEST_SIDE = 320, 16384
-"""Sides of a window that are believed, logical pixels."""
+"""Range of a remembered window's sides that is accepted, logical pixels."""
 _OPTIONS = ("quality", "detail")
 """Fields of Settings that are remembered; each has an option of its name."""
 _log = logging.getLogger(__name__)

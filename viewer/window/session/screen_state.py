@@ -4,17 +4,17 @@ from collections.abc import Callable
 
 from ...picture.spec import PictureSpec
 from ..flight.flight import Flight
-from ..planning.picture_plan import Picture, Plan
+from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
 from ..planning.window_area import WindowArea
-from .visit import Visit
+from .visit import SceneVisit
 
 
 class ScreenState:
     """Answers from the parts of a session; it has no state of its own.  spec: the picture that is asked for."""
 
-    def __init__(self, picture: Picture, view_settings: ViewSettings, flight: Flight, visit: Visit, area: WindowArea,
-                 spec: Callable[[], PictureSpec]):
+    def __init__(self, picture: RefinementState, view_settings: ViewSettings, flight: Flight, visit: SceneVisit,
+                 area: WindowArea, spec: Callable[[], PictureSpec]):
         self._picture, self._view_settings, self._flight, self._visit, self._area = picture, view_settings, flight, visit, area
         self._spec = spec
 

@@ -28,15 +28,15 @@ from ...work.document import Document, Viewpoint
 from ..flight.flight import Flight
 from ..kit.notices import Notices, ScanNotice
 from ..planning import networks
-from ..planning.picture_plan import Picture, Plan
+from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
 from ..planning.window_area import WindowArea
 from . import loading
 from .recovery import Recoverable
 from .screen_state import ScreenState
 from .time_recording import FrameTimes
-from .visit import Visit
-from .work import Work
+from .visit import SceneVisit
+from .work import DocumentState
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -72,11 +72,11 @@ class Session:
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake, preview_scene)
         self.flight = Flight(clock)
-        self.visit = Visit(self.flight, start)
-        self.picture = Picture()
+        self.visit = SceneVisit(self.flight, start)
+        self.picture = RefinementState()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
         self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.visit, self.area, lambda: self.spec)
-        self.work = Work()
+        self.work = DocumentState()
         self.loads.prepare = self.work.begin
         self._followed: tuple | None = None
         self.pointer: tuple[float, float] | None = None
@@ -241,7 +241,7 @@ class Session:
     def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None,
              view: Viewpoint | None = None) -> None:
         """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start, view: where the visit
-        begins (Visit.start, Visit.resume).  recovered: an autosave, whose scans are opened instead."""
+        begins (SceneVisit.start, SceneVisit.resume).  recovered: an autosave, whose scans are opened instead."""
         self.visit.start, self.visit.resume = start or self.visit.start, view
         self.loads.open(paths, recovered=recovered)
 

@@ -38,7 +38,7 @@ _GOOD_START = 0.75
 """Share of the worth of the complete scan's start viewpoint from which on that of its preview is kept.  Chosen by hand."""
 
 
-class Visit:
+class SceneVisit:
     """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
     start: the camera that the next visit begins with; None: one is chosen (viewer.window.flight.start_viewpoint).
     resume: the view that the next visit begins with, where the same scan was left at it; Home stays the chosen one."""

@@ -1,6 +1,6 @@
 """The work of one window: the document, its history, its project file, and what tools share.
 
-A tool changes the document through :meth:`Work.edit`; whoever draws reads ``document``.  No GL, no imgui.
+A tool changes the document through :meth:`DocumentState.edit`; whoever draws reads ``document``.  No GL, no imgui.
 """
 
 import contextlib
@@ -46,7 +46,7 @@ class ShownPhoto:
     split_at: float = 0.5
 
 
-class Work:
+class DocumentState:
     """history: of the document.  project: the file it was read from or saved to, else None.
     shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.

@@ -24,10 +24,10 @@ from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
 from ..kit.clipboard import SystemClipboard
 from ..kit.glfw_window import make_window
+from ..panels.missing_scans import MissingScansDialog
 from ..panels.start_page import StartPage
 from ..saving.save_actions import SaveActions
 from ..session.loading import Loaded, open_scene, preview_scene
-from ..session.missing_scans import MissingScansDialog
 from ..session.project_flow import ProjectFlow
 from ..session.recent import last_view
 from ..session.session import Session
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
-_NAP = 0.5  # seconds of sleep at most while idle
-_BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
+_IDLE_SECONDS = 0.5  # seconds of sleep at most while idle
+_REDRAW_SECONDS = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
 _LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
 _COMPILING_SECONDS = 12.0
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
@@ -64,7 +64,7 @@ class App:
         import glfw  # isort: skip
 
         self.glfw, self.imgui = glfw, imgui
-        self._scale, self._told = scale, False
+        self._scale, self._woken = scale, False
         self.window = make_window(glfw, size)
         self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
@@ -74,11 +74,11 @@ class App:
             glfw.terminate()
             raise
         self.session = Session(
-            settings, glfw.get_framebuffer_size(self.window), wake=self._tell,
+            settings, glfw.get_framebuffer_size(self.window), wake=self._wake_loop,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
-        self.files = FileDialogs(self._tell, self._scan_folder)
+        self.files = FileDialogs(self._wake_loop, self._scan_folder)
         self.choice_window = ChoiceWindow()
         self.missing_scans = MissingScansDialog()
         self.start_page = StartPage(self.context)
@@ -89,7 +89,7 @@ class App:
         self.tools.files = self.files
         self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
         self.tools.saves = self.save_actions
-        self.projects = ProjectFlow(self.session, self.files, self._tell)
+        self.projects = ProjectFlow(self.session, self.files, self._wake_loop)
         self.tools.save_project = self.projects.save
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
         self.last_view = last_view
@@ -123,11 +123,11 @@ class App:
     def say_compiling(self, line: str) -> None:
         """Shows that loops are being compiled.  From any thread."""
         self.session.notices.toast(f"{line[0].upper()}{line[1:]}", seconds=_COMPILING_SECONDS)
-        self._tell()
+        self._wake_loop()
 
-    def _tell(self) -> None:
+    def _wake_loop(self) -> None:
         """Something is to be shown: progress, a result.  From any thread."""
-        self._told = True
+        self._woken = True
         self.glfw.post_empty_event()
 
     def _start_graphics(self) -> None:
@@ -232,12 +232,12 @@ class App:
         busy = arriving or reading or restless or self._settle > 0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
-                nap = POLL if self.gamepad.connected else _NAP
-                glfw.wait_events_timeout(_BREATH if stirring else min(nap, change or nap))
+                nap = POLL if self.gamepad.connected else _IDLE_SECONDS
+                glfw.wait_events_timeout(_REDRAW_SECONDS if stirring else min(nap, change or nap))
             else:
                 glfw.poll_events()
-        if self._told:
-            self._told, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
+        if self._woken:
+            self._woken, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
         if self.gamepad.connected:
             self._follow_gamepad()
         message = session.notices.message

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ..file_dialog.file_dialogs import FileDialogs
     from ..interaction.tool import Toolbox, ToolContext
     from ..kit.theme import Theme
+    from ..panels.missing_scans import MissingScansDialog
     from ..panels.start_page import StartPage
-    from ..session.missing_scans import MissingScansDialog
     from ..session.panel_actions import Actions
     from ..session.project_flow import ProjectFlow
     from ..session.session import Session

@@ -74,7 +74,7 @@ class Viewport:
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
-        self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
+        self._unreported: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
         self._unseen: Frame | None = None  # the picture that may show no point of the scene
@@ -125,7 +125,7 @@ class Viewport:
 
     def _forget(self, renderer: "Renderer | None") -> None:
         """Uses another renderer, which has made no picture yet."""
-        self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+        self.renderer, self.frame, self._shown, self._unreported, self._problem = renderer, None, (), None, None
         self.photos.clear()
         self.pixels.forget()
         self._unseen = None
@@ -149,7 +149,7 @@ class Viewport:
         try:
             return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
         except (PointglassError, MemoryError) as error:
-            self._untold = None
+            self._unreported = None
             self._session.failed(str(error) or _NO_MEMORY)
             return False
 
@@ -172,12 +172,12 @@ class Viewport:
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
-            self.frame = self._untold = None
+            self.frame = self._unreported = None
             session.failed(str(error) or _NO_MEMORY)
             return
         self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
         self._rate.add(perf_counter())
-        self._tell(plan, self.frame)
+        self._report(plan, self.frame)
         self._look_for_points(self.frame, plan)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
@@ -212,7 +212,7 @@ class Viewport:
         except DeviceLostError:
             raise
         except PointglassError as error:
-            self.frame = self._untold = None
+            self.frame = self._unreported = None
             self._session.failed(str(error))
             return True
         self._shown = plan.views
@@ -220,14 +220,14 @@ class Viewport:
         self._session.completed(stats["approximations"], stats)
         return True
 
-    def _tell(self, plan: "Plan", frame: "Frame") -> None:
+    def _report(self, plan: "Plan", frame: "Frame") -> None:
         """Reports a picture and its cost to the session.  While the camera moves on a GPU, the cost is reported with the next
         picture, so that the GPU never waits for a query."""
         self.settle()
         if plan.moving and self.renderer is not None and not self.renderer.device.software:
             facts = frame.facts
             self._session.shown(plan, hides=facts.occlusion is not None, approximations=facts.approximations)
-            self._untold = plan, frame
+            self._unreported = plan, frame
             return
         stats, pending = frame.stats, frame.facts.network_pending is not None
         if not pending:
@@ -239,7 +239,7 @@ class Viewport:
 
     def settle(self) -> None:
         """Reports the cost of the last picture of a movement."""
-        before, self._untold = self._untold, None
+        before, self._unreported = self._unreported, None
         if before is not None:
             self._session.learn(before[0], before[1].stats)
 
@@ -292,7 +292,7 @@ class Viewport:
         plan, spec = session.screen.full_plan, session.spec
         if self.frame is None or not session.screen.exact:
             self.frame, self._shown = render(self.renderer, spec), spec.views
-            self._tell(plan, self.frame)
+            self._report(plan, self.frame)
         images = [read_picture(self._developed(view)) for view in spec.views]
         return joined(images, spec.background, spec.views, spec.split_at)
 

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 RADIUS = 8.0
 """Pixels around the pointer in which a point is looked for."""
 _PIXEL_SLACK = 0.02
-"""Pixels: above what float32 loses in the rasteriser's projection."""
+"""Pixels of tolerance, more than the float32 rounding error of the rasteriser's projection."""
 _DEPTH_SLACK = 4e-6
-"""Of a depth: above what float32 loses in it."""
+"""Relative tolerance of a depth, more than its float32 rounding error."""
 _SOFT_RELATIVE, _SOFT_SPACINGS = 0.01, 1.0
 """How far behind a pixel's depth points still belong to its surface: of the depth, and point spacings; the larger counts."""
 _NEIGHBOURS = 16

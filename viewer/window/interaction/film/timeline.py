@@ -49,27 +49,27 @@ class Timeline:
         self.selected: int | None = None
         self._scrubs = False
 
-    def draw(self, ui: Any, look: Theme, passing: Sequence[float], at: float, length: float) -> TimelineEvent:
+    def draw(self, ui: Any, style: Theme, passing: Sequence[float], at: float, length: float) -> TimelineEvent:
         """Draws the strip as wide as the panel.  passing: seconds at which the film passes each keyframe.  at: shown now."""
-        width, height = ui.get_content_region_avail().x, look.px(HEIGHT)
-        margin, size = look.px(MARKER + 2), look.px(MARKER)
+        width, height = ui.get_content_region_avail().x, style.px(HEIGHT)
+        margin, size = style.px(MARKER + 2), style.px(MARKER)
         corner = ui.get_cursor_screen_pos()
         ui.invisible_button("##timeline", (width, height))
-        mouse, middle = ui.get_io().mouse_pos, corner.y + size + look.px(3)
+        mouse, middle = ui.get_io().mouse_pos, corner.y + size + style.px(3)
         columns = [column(seconds, length, width, margin) for seconds in passing]
-        over = nearest_marker(mouse.x - corner.x, columns, look.px(REACH)) if ui.is_item_hovered() else None
+        over = nearest_marker(mouse.x - corner.x, columns, style.px(REACH)) if ui.is_item_hovered() else None
         event = self._event(ui, over, mouse.x - corner.x, length, width, margin)
         draw = ui.get_window_draw_list()
         line = packed(theme.DIM)
-        draw.add_line((corner.x + margin, middle), (corner.x + width - margin, middle), line, look.px(2))
+        draw.add_line((corner.x + margin, middle), (corner.x + width - margin, middle), line, style.px(2))
         for number, x in enumerate(columns):
             lit = number in (self.selected, over)
             self._diamond(draw, corner.x + x, middle, size, packed(theme.ACCENT if lit else theme.TEXT))
         head = corner.x + column(at, length, width, margin)
-        draw.add_line((head, corner.y), (head, corner.y + 2 * size + look.px(6)), packed(theme.ACCENT), look.px(2))
+        draw.add_line((head, corner.y), (head, corner.y + 2 * size + style.px(6)), packed(theme.ACCENT), style.px(2))
         text = f"{at:.1f} of {length:.1f} s"
-        ui.push_font(look.regular, theme.SMALL)
-        draw.add_text((corner.x + margin, corner.y + 2 * size + look.px(6)), packed(theme.TEXT), text)
+        ui.push_font(style.regular, theme.SMALL)
+        draw.add_text((corner.x + margin, corner.y + 2 * size + style.px(6)), packed(theme.TEXT), text)
         ui.pop_font()
         if over is not None and not self._scrubs:
             ui.set_tooltip(f"keyframe {over + 1}, passed after {passing[over]:.1f} s")

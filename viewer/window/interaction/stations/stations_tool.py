@@ -153,13 +153,13 @@ class Stations(Tool):
         if shown is not None and psnr is not None:
             left, top, width, height = overlay.area
             if shown.split:
-                middle, bottom = left + shown.split_at * width, top + height - overlay.look.px(12)
+                middle, bottom = left + shown.split_at * width, top + height - overlay.theme.px(12)
                 overlay.divider(middle)
-                overlay.text((middle - overlay.look.px(10), bottom), "photograph", align=(1.0, 1.0))
+                overlay.text((middle - overlay.theme.px(10), bottom), "photograph", align=(1.0, 1.0))
                 view = f"{context.session.screen.drawn[-1]} view"
-                overlay.text((middle + overlay.look.px(10), bottom), view, align=(0.0, 1.0))
+                overlay.text((middle + overlay.theme.px(10), bottom), view, align=(0.0, 1.0))
             text = f"photograph against the view: {psnr:.1f} dB PSNR"
-            overlay.text((left + width / 2, top + overlay.look.px(64)), text, align=(0.5, 0.0))
+            overlay.text((left + width / 2, top + overlay.theme.px(64)), text, align=(0.5, 0.0))
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         if context.scene is None:

@@ -15,7 +15,7 @@ from ..file_dialog.file_dialogs import FileDialogs
 from ..kit import theme
 from ..kit.theme import Theme, fitted
 from ..kit.widgets import button
-from .session import Session
+from ..session.session import Session
 
 _FLAGS = (
     imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.always_auto_resize
@@ -99,19 +99,19 @@ class MissingScansDialog:
         else:
             self.asked = None
 
-    def draw(self, app: Host, look: Theme, *, covered: bool) -> None:
+    def draw(self, app: Host, style: Theme, *, covered: bool) -> None:
         """covered: a message or a file dialog is open, which hides the question meanwhile."""
         if self.asked is None or covered:
             return
         if not imgui.is_popup_open(_POPUP):
             imgui.open_popup(_POPUP)
-        size, px = imgui.get_io().display_size, look.px
+        size, px = imgui.get_io().display_size, style.px
         imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
         imgui.set_next_window_bg_alpha(1.0)
         if not imgui.begin_popup_modal(_POPUP, None, _FLAGS)[0]:
             return
         width = min(px(560), size.x - px(96))
-        imgui.push_font(look.bold, theme.TITLE)
+        imgui.push_font(style.bold, theme.TITLE)
         imgui.text_unformatted(fitted(f"{self.asked.project.name}: a scan is not there", width))
         imgui.pop_font()
         imgui.push_text_wrap_pos(px(16) + width)
@@ -124,17 +124,17 @@ class MissingScansDialog:
         keys = not imgui.is_window_appearing()  # else the key of this frame closed what covered the question
         enter = keys and any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
         if self.doubt is not None:
-            if button("Use it", look, width=px(120)):
+            if button("Use it", style, width=px(120)):
                 self.use(app, self.doubt[0])
-        elif button("Leave it out", look, width=px(120), disabled=self._last_visible(),
+        elif button("Leave it out", style, width=px(120), disabled=self._last_visible(),
                     explained="Opens the project without this scan"):
             self.use(app, None)
         imgui.same_line()
         imgui.set_cursor_pos_x(px(16) + width - 2 * px(120) - px(8))
-        if button("Cancel", look, width=px(120)) or (keys and imgui.is_key_pressed(imgui.Key.escape, False)):
+        if button("Cancel", style, width=px(120)) or (keys and imgui.is_key_pressed(imgui.Key.escape, False)):
             self.cancel()
         imgui.same_line(0, px(8))
-        if button("Locate…", look, width=px(120), primary=True) or enter:
+        if button("Locate…", style, width=px(120), primary=True) or enter:
             self.doubt = None
             self.locate(app)
         imgui.end_popup()
