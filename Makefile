@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-fast faults hostile lint assets pictures docs wheel tag clean setup
+.PHONY: help demo test test-fast faults hostile lint golden assets pictures docs wheel tag clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -36,6 +36,9 @@ assets: setup  ## generate the demo scan and its cameras again (a minute or two)
 pictures: setup  ## render the README's picture and animation again (a minute)
 	@PYTHONPATH=. $(PYTHON) .ci/readme_pictures.py
 	@xvfb-run -a $(PYTHON) .ci/tool_pictures.py
+
+golden: setup  ## render the golden pictures of the demo again (tests/gl/test_golden.py compares with them)
+	@PYTHONPATH=. $(PYTHON) tests/golden/demo_pictures.py
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation
