@@ -1,1 +1,1 @@
-"""What a picture is, as values: camera, settings, colours and tones, clips, background.  No OpenGL, no scan, no window."""
+"""What a picture is, as values: camera, settings, views, edits, background, and their description (spec).  No OpenGL."""

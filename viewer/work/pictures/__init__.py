@@ -1,1 +1,1 @@
-"""Pictures as a project shows them, and what a PNG says of how it was made."""
+"""What a PNG says of how its picture was made, whether pictures are finished, photographs in a view.  No OpenGL."""
