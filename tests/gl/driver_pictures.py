@@ -134,7 +134,7 @@ def named_pictures(context) -> dict[str, np.ndarray]:
             made |= {f"{name}, mask": frame.mask(), f"{name}, depth": frame.depth()}
             made |= {f"{name}, {view}": frame.image(view) for view in VIEWS}
         if kind != "cpu":  # whose sums are not OpenGL's
-            made |= {f"{make.__name__}, {kind}, wide sums": np.array(renderer._rasterisers[kind].wide_sums)}
+            made |= {f"{make.__name__}, {kind}, wide sums": np.array(renderer._passes.rasterisers[kind].wide_sums)}
         renderer.release()
     return made
 

@@ -50,7 +50,7 @@ def test_the_choice_reads_nothing_and_changes_no_picture(context, tmp_path, monk
         read.append(len(put))
         kinds.append(stats["raster"])
         assert {"cull", "raster", "filter"} == set(stats["stages"]) == set(stats["host"])
-        assert list(renderer._rasterisers) == [stats["raster"]]
+        assert list(renderer._passes.rasterisers) == [stats["raster"]]
         renderer.release()
     assert kinds[:2] == ["compute", "points"] and kinds[2] in RASTERISERS
     assert agree(pictures[1], pictures[0]) and agree(pictures[2], pictures[0]) and pictures[0]["filtered"].any()

@@ -32,7 +32,7 @@ def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, sa
         for answer in (told, lambda *_: None):
             monkeypatch.setattr(fill, "closed_in_view", answer)
             frame = renderer.render(camera, settings, views=("filled", "neural"))
-            sent = np.frombuffer(renderer._neural.bridge.input.read(), np.uint16)
+            sent = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.uint16)
             looked.append((frame.image("filled").tobytes(), sent.tobytes()))
         assert answers == [said]
         assert looked[0] == looked[1]

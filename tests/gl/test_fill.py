@@ -151,11 +151,11 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
         reference, towards = reference_frame(scene, camera, settings), directions(scene, camera)
         mask = torch.from_numpy(reference.mask)
         sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, reference.met).numpy())
-        (rasteriser,), around = renderer._rasterisers.values(), renderer._enclosure.around(camera.position)
-        colour, trusted = renderer._fill_input(rasteriser, renderer._filter.mask)
+        (rasteriser,), around = renderer._passes.rasterisers.values(), renderer._enclosure.around(camera.position)
+        colour, trusted = renderer._passes.fill_input(rasteriser, renderer._passes.filter.mask)
         for factor, limit in ((1e-7, 1), (1.0, 0), (1e7, -1)):
             spacing = factor * scene.spacing
-            got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,
+            got = sent(context, renderer._passes.fill, colour, trusted, rasteriser.depth,
                        camera=camera, around=around, spacing=spacing)  # fmt: skip
             wanted = network_input(reference.raster, mask, camera.fx, spacing).numpy()
             assert np.abs(got[:6] - wanted).max() < CLOSE

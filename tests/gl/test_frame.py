@@ -54,7 +54,7 @@ def assert_agrees(frame, reference):
 
 def sums(renderer) -> np.ndarray:
     """Colour sums and counts of the last picture: what the mean of a pixel's points does not tell."""
-    return np.frombuffer(renderer._rasterisers["compute"].sums.read(), np.uint32)
+    return np.frombuffer(renderer._passes.rasterisers["compute"].sums.read(), np.uint32)
 
 
 @pytest.mark.parametrize("number, scale", [(0, 1e-3), (1, 1.0), (2, 1e3)])
@@ -223,8 +223,8 @@ def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, 
     camera = Camera(14, 1, 10.0, 10.0, 7.0, 0.5, np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
     renderers = [Renderer(context, scene) for scene, _ in scenes]
     settings = Settings(raster=kind)
-    renderers[1]._rasterisers = renderers[0]._rasterisers  # the same sums for both
-    renderers[1]._size = renderers[0]._size = (14, 1)
+    renderers[1]._passes.rasterisers = renderers[0]._passes.rasterisers  # the same sums for both
+    renderers[1]._passes.size = renderers[0]._passes.size = (14, 1)
 
     def shown(number: int) -> np.ndarray:
         return renderers[number].render(camera, settings, views=("raw",)).image("raw")[0, : len(crowds), :3]
@@ -235,14 +235,14 @@ def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, 
     try:
         for number in (0, 0, 1, 0, 1):
             assert np.array_equal(shown(number), scenes[number][1])
-        rasteriser = renderers[0]._rasterisers[kind]
+        rasteriser = renderers[0]._passes.rasterisers[kind]
         with monkeypatch.context() as patch:
             patch.setattr(rasteriser, "_copy", broken)  # the sums are made, and nobody reads them
             with pytest.raises(RuntimeError, match="broken here"):
                 shown(0)
         assert np.array_equal(shown(1), scenes[1][1])
     finally:
-        renderers[1]._rasterisers = {}
+        renderers[1]._passes.rasterisers = {}
         for renderer in renderers:
             renderer.release()
 
@@ -267,7 +267,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, software):
             expected = [a.image(v).tobytes() for v in ALL] + [a.depth().tobytes()]
             small.render(camera_in(scene, 32, (160, 120)), Settings(raster=kind), views=ALL)  # and leaves nothing behind
             b = small.render(camera, Settings(raster=kind), views=ALL)
-            assert small._rasterisers[kind].band_rows == 17
+            assert small._passes.rasterisers[kind].band_rows == 17
             assert [b.image(v).tobytes() for v in ALL] + [b.depth().tobytes()] == expected
         c = small.render(camera, Settings(), views=ALL)  # whichever is chosen
         assert [c.image(v).tobytes() for v in ALL] + [c.depth().tobytes()] == expected

@@ -37,7 +37,7 @@ def test_the_noise_level_is_that_of_the_reference(context, seed, weighted, detai
     settings = Settings(view="neural", device="cpu", quality="fast", detail=detail)
     try:
         renderer.render(camera, settings)
-        made = renderer._noise
+        made = renderer._passes.noise
         assert made is not None
         level = np.frombuffer(made.level.read(alignment=1), np.float16).reshape(camera.height, camera.width).astype(float)
     finally:
@@ -57,8 +57,8 @@ def test_a_scan_of_unknown_noise_tells_none(context):
     renderer, camera = Renderer(context, scene, device="cpu"), camera_in(scene, 1)
     try:
         renderer.render(camera, Settings(view="neural", device="cpu", quality="fast"))
-        assert renderer._noise is None
-        packed = np.frombuffer(renderer._neural.bridge.input.read(), np.float16).reshape(camera.height, camera.width, 8)
+        assert renderer._passes.noise is None
+        packed = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.float16).reshape(camera.height, camera.width, 8)
         assert not packed[..., 5].any() and packed[..., :3].any()
     finally:
         renderer.release()

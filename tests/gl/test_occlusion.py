@@ -114,7 +114,7 @@ def test_what_the_tally_says_is_what_was_listed(floor):
         camera = standing(floor.scan, FULL[0], heading)
         plain = picture(renderer, camera)[2]
         stats = picture(renderer, camera, memory)[2]
-        rasteriser, hider = renderer._rasterisers["compute"], renderer._rasterisers["compute"].hider
+        rasteriser, hider = renderer._passes.rasterisers["compute"], renderer._passes.rasterisers["compute"].hider
         bounds, rows = rasteriser.table.bounds, rasteriser.table.rows
         commands = np.frombuffer(hider._commands.buffer.read(), np.uint32)
         appended = np.frombuffer(hider._appended.buffer.read(), np.uint32).reshape(-1, 4)
@@ -158,7 +158,7 @@ def test_each_level_of_the_pyramid_is_the_lowest_of_what_hides(floor, size):
     memory, camera = Occlusion(), standing(floor.scan, *FULL, size=size)
     for _ in range(2):
         frame = floor.renderer.render(camera, SETTINGS, VIEWS, memory)
-    hider = floor.renderer._rasterisers["compute"].hider
+    hider = floor.renderer._passes.rasterisers["compute"].hider
     pyramid, level = np.frombuffer(hider._pyramid.read(), np.float32), lowest(what_hides(floor.scene, frame), 1 << BLOCK_SHIFT)
     while True:
         assert np.allclose(pyramid[: level.size].reshape(level.shape), level, rtol=1e-6, atol=0)
@@ -183,7 +183,7 @@ def test_what_hides_is_what_the_filter_says(floor, where):
     camera = standing(floor.scan, *where)
     renderer.render(camera, SETTINGS, VIEWS, memory)
     frame = renderer.render(camera, SETTINGS, VIEWS, memory)
-    hider = renderer._rasterisers["compute"].hider
+    hider = renderer._passes.rasterisers["compute"].hider
     occluder = what_hides(scene, frame)
     side = 1 << BLOCK_SHIFT
     blocks = occluder.reshape(SIZE[1] // side, side, SIZE[0] // side, side).min(axis=(1, 3))

@@ -35,7 +35,7 @@ def made_by(renderer, kind, camera, settings=None, edits=None, views=VIEWS) -> l
     settings = replace(settings or Settings(), raster=kind)
     frame = renderer.render(camera, settings, views=views, edits=edits)
     assert frame.stats["raster"] == kind
-    weight = renderer._rasterisers[kind].weight.read()
+    weight = renderer._passes.rasterisers[kind].weight.read()
     return [*(frame.image(view).tobytes() for view in views), frame.depth().tobytes(), weight]
 
 

@@ -87,7 +87,7 @@ def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed
     monkeypatch.setattr(raster_shader, "_CARRY_BYTES", 1 << 16)  # a band is a few rows
     renderer = renderer_of(scene)
     assert np.array_equal(whole, [renderer.render(camera, settings, views=ALL).image(v) for v in ALL])
-    assert renderer._rasterisers["compute"].band_rows < camera.height
+    assert renderer._passes.rasterisers["compute"].band_rows < camera.height
 
 
 def test_a_colour_comes_from_the_station_that_stood_where_the_eye_is(renderer_of):
@@ -131,6 +131,6 @@ def test_heavy_sums_are_carried(renderer_of, kind):
     for _ in range(2):
         raw = renderer.render(camera, Settings(raster=kind), views=("raw",)).image("raw")
         assert raw[1, 2].tolist() == [255, 255, 255, 255] and raw[1, 3].tolist() == [10, 128, 255, 255]
-        assert renderer._rasterisers[kind].weight is not None
-        weight = np.frombuffer(renderer._rasterisers[kind].weight.read(alignment=1), np.uint8).reshape(3, 5)
+        assert renderer._passes.rasterisers[kind].weight is not None
+        weight = np.frombuffer(renderer._passes.rasterisers[kind].weight.read(alignment=1), np.uint8).reshape(3, 5)
         assert weight[1, 2] == MAX_AVERAGED and weight[0, 0] == 0

@@ -20,7 +20,7 @@ def made(context):
     """A rasteriser that has drawn something, so that all it needs is there."""
     renderer = Renderer(context, room(0, 2_000), raster="compute")
     renderer.render(from_fov(*SIZE, 60.0, look_at((1.0, 1.0, 1.0), (3.0, 2.0, 1.0))), Settings(), views=("raw",))
-    yield renderer._rasterisers["compute"]
+    yield renderer._passes.rasterisers["compute"]
     renderer.release()
 
 

@@ -216,12 +216,12 @@ def workgroups(plan: Plan, work: Path) -> dict:
     made = {shape: make_rasteriser("compute", shape, renderer._programs, (size[0], size[1]), renderer.device)
             for shape in shapes}
     spent: dict = {shape: [] for shape in shapes}
-    own = renderer._rasterisers.pop("compute")
+    own = renderer._passes.rasterisers.pop("compute")
     for _ in range(max(3, plan.repeats // 2)):
         for shape, rasteriser in made.items():
-            renderer._rasterisers["compute"] = rasteriser
+            renderer._passes.rasterisers["compute"] = rasteriser
             spent[shape].append(renderer.render(camera, settings).stats["stages"]["raster"])
-    renderer._rasterisers["compute"] = own
+    renderer._passes.rasterisers["compute"] = own
     for rasteriser in made.values():
         rasteriser.release()
     rows = [{"workgroup": str(shape), "raster_ms": median(times[1:])} for shape, times in spent.items()]
@@ -310,7 +310,7 @@ def agreement(plan: Plan, work: Path) -> dict:
         "filled by more than 2 levels, compute and float64": float((levels > 2).mean()),
     }
     facts = {"shares": shares, "tolerance": DIFFERING_PIXELS, "following": following, "following_tolerance": FOLLOWING_PIXELS,
-             "opengl": renderer.device.renderer, "wide_sums": renderer._rasterisers["compute"].wide_sums}
+             "opengl": renderer.device.renderer, "wide_sums": renderer._passes.rasterisers["compute"].wide_sums}
     renderer.release()
     context.release()
     return facts

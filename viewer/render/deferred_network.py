@@ -25,7 +25,8 @@ def start_network(network: "NeuralStage", camera: "Camera", stages: "Stages", te
     if missing:
         network.drop()
     else:
-        stages.run("hand over", lambda: network.start(serial, wake))
+        with stages("hand over"):
+            network.start(serial, wake)
     return not missing
 
 

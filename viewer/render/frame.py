@@ -2,14 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..common.text import counted
+
 if TYPE_CHECKING:
     import moderngl
 
+    from ..grid.scene import Scene
     from ..picture.camera import Camera
+    from ..picture.settings import Settings
+    from .culling.cull import DrawList
+    from .raster.points import PointPages
+    from .raster.raster import Rasteriser
     from .stage_times import Times
 
 _WHERE_KNOWN = {"where_known": True}
@@ -94,3 +102,22 @@ class Frame:
             "host": dict(self.times.host),
             **self.facts.as_dict(),
         }
+
+
+def raster_facts(rasteriser: "Rasteriser", draw: "DrawList", pages: "PointPages", scene: "Scene", settings: "Settings", *,
+                 opengl: str, weighted: bool, hides: bool) -> FrameFacts:
+    """The facts of a frame whose points have been drawn.  weighted: points by their stations.  hides: hidden cells were left
+    out."""
+    hider, approximations = rasteriser.hider if hides else None, pages.approximations
+    if settings.lod is not None:
+        approximations.insert(0, f"level of detail: {counted(settings.lod, 'point')} per pixel")
+    if hider is not None:
+        approximations.append("hidden cells skipped")
+    return FrameFacts(
+        raster=rasteriser.kind, points_drawn=draw.points - pages.missing - pages.left_out - pages.lost,
+        points_missing=pages.missing, points_total=scene.count, cells_drawn=len(draw.cells), cells_total=len(scene.cell_coords),
+        points_gpu_bytes=pages.nbytes, points_gpu_budget=pages.budget, points_gpu_budget_source=pages.budget_source,
+        opengl=opengl, stations="weighed" if weighted else "equal",  # a value of stats.json, kept
+        approximations=tuple(approximations),
+        occlusion=None if hider is None else cache(partial(hider.tally, hider.serial)),  # once, when asked for
+    )  # fmt: skip

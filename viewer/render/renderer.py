@@ -7,7 +7,7 @@ lives around this module.  A Renderer owns the scene's points on the GPU and the
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
 from ..common.errors import DeviceLostError, InputError
-from ..common.text import bytes_text, counted
+from ..common.text import bytes_text
 from ..picture.edits import Edits
 from ..picture.settings import MEMORY, Memory, Settings
 from ..picture.views import VIEWS, passes_of
@@ -26,20 +26,18 @@ from .deferred_network import finish_network, start_network
 from .device.context import LOST, context_lost, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
-from .frame import Frame, FrameFacts
-from .passes.fill import Fill
+from .frame import Frame, FrameFacts, raster_facts
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
-from .passes.noise_level import NoiseLevel
 from .raster.choose_raster import RASTERISERS as RASTERISERS
-from .raster.choose_raster import fastest, make_rasteriser
+from .raster.choose_raster import fastest
 from .raster.edit_block import block_of, without_clipped_cells
 from .raster.points import PointPages
 from .raster.raster import Rasteriser
 from .raster.raster_compute import ComputeRasteriser
 from .raster.raster_cpu import CpuRasteriser
-from .raster.stations import Confidence, ScannerPositions, uses_station_weights
-from .sized_passes import SizedPasses
+from .raster.stations import ScannerPositions, uses_station_weights
+from .sized_passes import KeptPasses, SizedPasses
 from .stage_times import Stages
 
 if TYPE_CHECKING:
@@ -56,7 +54,7 @@ _WORTH_HALVING = 64 << 20
 log = logging.getLogger(__name__)
 
 
-class Renderer(SizedPasses):
+class Renderer:
     """Draws one scene.
 
     raster, device: used where the settings say ``auto``.  memory: limits for the points.  wake: called on another thread when
@@ -66,12 +64,12 @@ class Renderer(SizedPasses):
 
     def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto",
                  memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None, kept_sizes: int = 0):
-        super().__init__(kept_sizes)
         self.context, self.scene = context, scene
         self.device = describe_device(context)
         self._raster, self._device = raster, device
         self._workgroup: Workgroup | None = None
         self._programs = Programs(context)
+        self._sizes = KeptPasses(self._programs, self.device.texture_limit, kept_sizes)
         self._culler = Culler(scene)
         self._enclosure = Enclosure(scene)
         self._scanner_positions = ScannerPositions(scene)
@@ -80,6 +78,16 @@ class Renderer(SizedPasses):
         self.pages = self._make_pages(budget=memory.gpu)
         self._stages = Stages(context, software=self.device.software)
         self._wake, self._serial = wake, 0
+
+    @property
+    def _passes(self) -> SizedPasses:
+        """The passes of the last picture's size."""
+        return self._sizes.present
+
+    @property
+    def network_busy(self) -> bool:
+        """Whether a network runs on its own thread, for a picture of any size."""
+        return any(stage.busy for stage in self._sizes.networks)
 
     @property
     def metre(self) -> float:
@@ -122,88 +130,92 @@ class Renderer(SizedPasses):
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
                 edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
         self._serial += 1
-        passes = passes_of(views)
-        for stage in self._networks():
+        wanted = passes_of(views)
+        self._begin((camera.width, camera.height), neural="network" in wanted)
+        stages = self._stages
+        stages.begin()
+        with stages("cull"):
+            draw = self._culler.select(camera, settings.lod)
+        if edits is not None:
+            draw = without_clipped_cells(draw, edits, self.scene)
+        rasteriser, facts = self._rasterise(camera, settings, views, draw, history, edits, streaming=streaming)
+        textures, mask = {"raw": rasteriser.colour}, None
+        if "filter" in wanted:
+            with stages("filter"):
+                step = self._filtered(settings, rasteriser)
+            textures["filtered"], mask = step.filtered, step.mask
+            if "fill" in wanted:
+                network = None
+                if "network" in wanted:
+                    network = self._neural_for(settings, background=defer_network or streaming)
+                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, mask, network)
+                if network is not None:
+                    facts = self._run_network(network, camera, facts, textures, deferred=defer_network, streaming=streaming)
+        stages.end()
+        return Frame(camera, {v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
+
+    def _begin(self, size: tuple[int, int], *, neural: bool) -> None:
+        """Uses the passes of a picture size, where nothing speaks against it.  Raises DeviceError, DeviceLostError."""
+        for stage in self._sizes.networks:
             stage.drop()  # what it may still run is a picture that this one replaces
         if not self.device.software and context_lost(self.context):
             raise DeviceLostError(LOST)
-        self._resize((camera.width, camera.height), self.device.texture_limit)
-        if "network" in passes:  # before anything is drawn
+        self._sizes.use(size)
+        if neural:  # before anything is drawn
             from .network.bridge import check_room
 
-            check_room(self.device, self._size)
-        stages = self._stages
-        stages.begin()
-        draws: list[DrawList] = []
-        stages.run("cull", lambda: draws.append(self._culler.select(camera, settings.lod)))
-        draw = draws[0] if edits is None else without_clipped_cells(draws[0], edits, self.scene)
+            check_room(self.device, size)
+
+    def _rasterise(self, camera: "Camera", settings: Settings, views: tuple[str, ...], draw: DrawList,
+                   history: Occlusion | None, edits: Edits | None, *, streaming: bool) -> tuple[Rasteriser, FrameFacts]:
+        """Draws the points.  Returns the rasteriser, which holds the picture, and the facts of the frame so far."""
         soft = self._soft_z(settings)
         if edits is not None and edits.recolours:
             soft = replace(soft, unlit=False)  # a black attribute is a colour
         weighted = uses_station_weights(settings, self._scanner_positions)
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
-        wanted = self._history(history, settings, views, rasteriser)
-        used_history: list[bool] = []
-        stages.run("raster", lambda: used_history.append(rasteriser.run(
-            self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
-            history=wanted, stations=stations,
-            edits=None if edits is None else block_of(edits, self.scene, camera))))
-        pages, textures = self.pages, {"raw": rasteriser.colour}
-        drawn = draw.points - pages.missing - pages.left_out - pages.lost
-        facts = FrameFacts(
-            raster=rasteriser.kind, points_drawn=drawn, points_missing=pages.missing, points_total=self.scene.count,
-            cells_drawn=len(draw.cells), cells_total=len(self.scene.cell_coords), points_gpu_bytes=pages.nbytes,
-            points_gpu_budget=pages.budget, points_gpu_budget_source=pages.budget_source, opengl=self.device.renderer,
-            stations="weighed" if weighted else "equal",  # a value of stats.json, kept
-            approximations=(*self._approximations(settings), *pages.approximations),
-        )  # fmt: skip
-        if used_history[0] and rasteriser.hider is not None:
-            hider = rasteriser.hider
-            facts = replace(facts, occlusion=cache(partial(hider.tally, hider.serial)),  # once, when asked for
-                            approximations=(*facts.approximations, "hidden cells skipped"))
-        mask = None
-        if "filter" in passes:
-            steps: list[DepthFilter | CpuDepthFilter] = []
-            stages.run("filter", lambda: steps.append(self._filtered(settings, rasteriser)))
-            textures["filtered"], mask = steps[0].filtered, steps[0].mask
-            if "fill" in passes:
-                facts = self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
-                                      neural="network" in passes, defer_network=defer_network, streaming=streaming)
-        stages.end()
-        return Frame(camera, {v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
+        recalled = self._history(history, settings, views, rasteriser)
+        with self._stages("raster"):
+            rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)
+            hides = rasteriser.run(self.pages, draw, camera, soft, rounds, history=recalled, stations=stations,
+                                   edits=None if edits is None else block_of(edits, self.scene, camera))
+        facts = raster_facts(rasteriser, draw, self.pages, self.scene, settings, opengl=self.device.renderer, weighted=weighted,
+                             hides=hides)  # fmt: skip
+        return rasteriser, facts
 
     def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 mask: "moderngl.Texture", facts: FrameFacts, textures: dict, *, neural: bool, defer_network: bool,
-                 streaming: bool) -> FrameFacts:
-        """Adds the filled view, and the neural one, to ``textures``; returns ``facts`` with what ran."""
-        stages = self._stages
-        network = self._neural_for(settings, background=defer_network or streaming) if neural else None
-        fill = self._fill = self._fill or Fill(self._programs, self._size)
-        colour, confidence = self._fill_input(rasteriser, mask)
-        level = None
-        if network and (noise := self._noise_level()):
-            stages.run("noise", lambda: noise.run(
-                rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
-                weighted=rasteriser.weighted, detail=settings.detail))
+                 mask: "moderngl.Texture", network: "NeuralStage | None") -> "moderngl.Texture":
+        """The filled view; also writes the input of ``network``, where one is given."""
+        stages, passes, level = self._stages, self._passes, None
+        fill = passes.fill_pass()
+        colour, confidence = passes.fill_input(rasteriser, mask)
+        if network and (noise := passes.noise_level(self.scene.noise)):
+            with stages("noise"):
+                noise.run(rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
+                          weighted=rasteriser.weighted, detail=settings.detail)  # fmt: skip
             level = noise.level
-        stages.run("fill", lambda: fill.run(
-            colour, confidence, rasteriser.depth, noise=level,
-            camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
-            network=network.bridge.input if network else None))
-        textures["filled"] = fill.filled
-        if network is None:
-            return facts
+        with stages("fill"):
+            fill.run(colour, confidence, rasteriser.depth, noise=level,
+                     camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
+                     network=network.bridge.input if network else None)  # fmt: skip
+        return fill.filled
+
+    def _run_network(self, network: "NeuralStage", camera: "Camera", facts: FrameFacts, textures: dict, *, deferred: bool,
+                     streaming: bool) -> FrameFacts:
+        """Adds the neural view to ``textures``, or starts what will add it; returns ``facts`` with what ran."""
         pending = None
-        if defer_network and network.deferrable:
-            pending = start_network(network, camera, stages, textures, serial=self._serial, wake=self._wake,
+        if deferred and network.deferrable:
+            pending = start_network(network, camera, self._stages, textures, serial=self._serial, wake=self._wake,
                                     missing=self.pages.missing)
         else:
             network.drop()
-            if not (defer_network or streaming):
+            if not (deferred or streaming):
                 network.settle()
-            stages.run("network", network.infer)
-            stages.run("present", lambda: network.present(fill.filled))
+            with self._stages("network") as stage:
+                stage.elapsed = network.infer()
+            with self._stages("present"):
+                network.present(textures["filled"])
             network.presented = camera.key
             textures["neural"] = network.picture
         return replace(facts, device=network.device, network=network.name, bridge=network.bridge_name, network_pending=pending,
@@ -215,7 +227,7 @@ class Renderer(SizedPasses):
         Returns whether it was added: False while the network runs, and where another picture was rendered since.
         Raises DeviceError where the network failed.
         """
-        return finish_network(self._neural, self._fill, frame, self._serial)
+        return finish_network(self._passes.neural, self._passes.fill, frame, self._serial)
 
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
         """Starts loading the points of a future picture to the GPU, as many as one frame may upload; returns how many are
@@ -229,21 +241,6 @@ class Renderer(SizedPasses):
         around = self._enclosure.around(camera.position)
         return Directions(np.full_like(around.closed, OPEN), None) if edits is not None and edits.drops else around
 
-    def _fill_input(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
-        """Colours that the fill starts from, and the weight of each pixel: the raw picture and the keep-mask, or, of weighted
-        points, the toned picture and the confidence."""
-        if not rasteriser.weighted:
-            return rasteriser.colour, mask
-        self._confidence = self._confidence or Confidence(self._programs, self._size)
-        self._confidence.run(rasteriser.colour, rasteriser.weight, mask)
-        return self._confidence.toned, self._confidence.confidence
-
-    def _noise_level(self) -> NoiseLevel | None:
-        """None where the scan's noise is unknown: the network's noise input is then zero."""
-        if self._noise is None and self.scene.noise is not None:
-            self._noise = NoiseLevel(self._programs, self._size, self.scene.noise)
-        return self._noise
-
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a benchmark replaces it."""
         return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre, unlit=self.scene.unlit)
@@ -252,12 +249,9 @@ class Renderer(SizedPasses):
                  ) -> History | None:
         if memory is None or not rasteriser.can_hide or not may_hide(settings, views):
             return None
-        step = self._filter_for(settings, rasteriser)
+        step = self._passes.filter_for(settings, rasteriser)
         assert isinstance(step, DepthFilter)  # behind every rasteriser that can hide cells
         return History(memory, self.scene, partial(step.closing, strength=settings.filter_strength, levels=GAP_LEVELS))
-
-    def _approximations(self, settings: Settings) -> list[str]:
-        return [] if settings.lod is None else [f"level of detail: {counted(settings.lod, 'point')} per pixel"]
 
     def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
                 streaming: bool) -> Rasteriser:
@@ -267,18 +261,16 @@ class Renderer(SizedPasses):
         if wanted == "auto" and self.device.software:
             wanted = self._raster = "cpu"
         if wanted == "auto":
-            best = fastest(self._programs, self._size, self.device, self.pages, draw, camera, soft, stations,
+            best = fastest(self._programs, self._passes.size, self.device, self.pages, draw, camera, soft, stations,
                            streaming=streaming)
             wanted = self._raster = best.kind
             self._workgroup = best.workgroup if isinstance(best, ComputeRasteriser) else None
-            self._rasterisers[wanted] = best
-        if wanted not in self._rasterisers:
-            self._rasterisers[wanted] = make_rasteriser(wanted, self._workgroup, self._programs, self._size, self.device)
-        return self._rasterisers[wanted]
+            self._passes.rasterisers[wanted] = best
+        return self._passes.rasteriser(wanted, self._workgroup, self.device)
 
     def _filtered(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
         """Runs the depth filter and returns it."""
-        step = self._filter_for(settings, rasteriser)
+        step = self._passes.filter_for(settings, rasteriser)
         if isinstance(step, CpuDepthFilter):
             assert isinstance(rasteriser, CpuRasteriser)
             step.run(rasteriser, strength=settings.filter_strength)
@@ -286,46 +278,24 @@ class Renderer(SizedPasses):
             step.run(rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre)
         return step
 
-    def _filter_for(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
-        """The depth filter of these settings; behind the processor's rasteriser its own, where it knows the preset."""
-        here = isinstance(rasteriser, CpuRasteriser) and settings.filter == CpuDepthFilter.preset
-        current, wanted = self._filter, (here, settings.filter, settings.filter_levels)
-        if current is None or (isinstance(current, CpuDepthFilter), current.preset, current.wanted_levels) != wanted:
-            if current is not None:
-                current.release()
-            current = self._filter = (CpuDepthFilter(self.context, self._size, settings.filter_levels) if here else
-                                      DepthFilter(self._programs, self._size, settings.filter, settings.filter_levels))
-        return current
-
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
-        """The network's stage.  background: what can be prepared on another thread is, and the first pictures do without."""
-        from .network.neural import NeuralStage
-
+        """The network's stage, as SizedPasses.neural_for; a benchmark replaces it."""
         device = settings.device if settings.device != "auto" else self._device
-        key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
-        if self._neural is None or self._neural.key != key:
-            self._neural, self._spare_neural = self._spare_neural, self._neural
-            if self._spare_neural is not None and not (self._kept_sizes and self._spare_neural.usable):
-                self._spare_neural.release()
-                self._spare_neural = None
-            if self._neural is not None and self._neural.key != key:
-                self._neural.release()
-                self._neural = None
-            self._neural = self._neural or NeuralStage(self._programs, self._size, *key, background=background)
-        return self._neural
+        return self._passes.neural_for(settings, device, background=background, keeps_two=self._sizes.kept_sizes > 0)
 
     def _check_memory(self) -> None:
         """Raises DeviceMemoryError where OpenGL had no memory for the passes of a new picture size."""
-        if self.device.software or not self._allocated:
+        if self.device.software or not self._sizes.allocated:
             return
-        self._allocated = False
+        self._sizes.allocated = False
         if self.context.error == "GL_OUT_OF_MEMORY":
-            raise DeviceMemoryError(f"the GPU has no memory left for a picture of {self._size[0]}x{self._size[1]}; choose a "
-                                    "smaller --size, or lower --gpu-memory")
+            width, height = self._passes.size
+            raise DeviceMemoryError(f"the GPU has no memory left for a picture of {width}x{height}; choose a smaller --size, "
+                                    "or lower --gpu-memory")
 
     def _halve_points(self) -> bool:
         """Frees the passes and makes the points' pages again with half their budget; False where that cannot help."""
-        self._release_passes()
+        self._sizes.release()
         held, budget = self.pages.nbytes, self.pages.budget
         if held < _WORTH_HALVING:
             return False
@@ -340,7 +310,7 @@ class Renderer(SizedPasses):
 
     def release(self) -> None:
         """Frees everything on the GPU, and returns main memory that its pictures held to the system."""
-        self._release_passes()
+        self._sizes.release()
         self._stages.release()
         self.pages.release()
         self._programs.release()

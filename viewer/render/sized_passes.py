@@ -1,85 +1,148 @@
 """The passes of a Renderer whose textures have the picture's size: of the present size, and of a few others that are kept."""
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..common.errors import DeviceError
+from .passes.fill import Fill
+from .passes.filter import DepthFilter
+from .passes.filter_cpu import CpuDepthFilter
+from .passes.noise_level import NoiseLevel
+from .raster.choose_raster import make_rasteriser
+from .raster.raster_cpu import CpuRasteriser
+from .raster.stations import Confidence
 
 if TYPE_CHECKING:
+    import moderngl
+
+    from ...model.appearance.noise import NoiseModel
+    from ..picture.settings import Settings
+    from .device.context import Device
+    from .device.device_class import Workgroup
+    from .device.shader import Programs
     from .network.neural import NeuralStage
-    from .passes.fill import Fill
-    from .passes.filter import DepthFilter
-    from .passes.filter_cpu import CpuDepthFilter
-    from .passes.noise_level import NoiseLevel
     from .raster.raster import Rasteriser
-    from .raster.stations import Confidence
-
-_NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
-"""Attributes of SizedPasses that belong to one picture size."""
 
 
+@dataclass(slots=True)
 class SizedPasses:
-    """Passes by attribute, each made when it is first needed.
+    """The passes of one picture size (width, height), each made when it is first needed.
 
-    kept_sizes: picture sizes besides the present one whose passes are kept.
+    rasterisers: by kind.  spare_neural: the network of another quality, for callers that alternate between two.
     """
 
-    def __init__(self, kept_sizes: int):
-        self._rasterisers: dict[str, Rasteriser] = {}
-        self._filter: DepthFilter | CpuDepthFilter | None = None
-        self._fill: Fill | None = None
-        self._confidence: Confidence | None = None
-        self._noise: NoiseLevel | None = None
-        self._neural: NeuralStage | None = None
-        self._spare_neural: NeuralStage | None = None  # of another quality, for callers that alternate between two
-        self._size, self._allocated = (0, 0), False
-        self._kept_sizes = kept_sizes
-        self._kept: dict[tuple[int, int], dict] = {}
+    programs: "Programs"
+    size: tuple[int, int]
+    rasterisers: "dict[str, Rasteriser]" = field(default_factory=dict)
+    filter: "DepthFilter | CpuDepthFilter | None" = None
+    fill: Fill | None = None
+    confidence: Confidence | None = None
+    noise: NoiseLevel | None = None
+    neural: "NeuralStage | None" = None
+    spare_neural: "NeuralStage | None" = None
 
     @property
-    def network_busy(self) -> bool:
-        """Whether a network runs on its own thread, for a picture of any size."""
-        return any(stage.busy for stage in self._networks())
+    def networks(self) -> "list[NeuralStage]":
+        """The networks' stages that there are."""
+        return [stage for stage in (self.neural, self.spare_neural) if stage is not None]
 
-    def _networks(self) -> "list[NeuralStage]":
+    def rasteriser(self, kind: str, workgroup: "Workgroup | None", device: "Device") -> "Rasteriser":
+        """The rasteriser of a kind.  workgroup: of the compute one, where it is made now."""
+        if kind not in self.rasterisers:
+            self.rasterisers[kind] = make_rasteriser(kind, workgroup, self.programs, self.size, device)
+        return self.rasterisers[kind]
+
+    def filter_for(self, settings: "Settings", rasteriser: "Rasteriser") -> "DepthFilter | CpuDepthFilter":
+        """The depth filter of these settings; behind the processor's rasteriser its own, where it knows the preset."""
+        here = isinstance(rasteriser, CpuRasteriser) and settings.filter == CpuDepthFilter.preset
+        current, wanted = self.filter, (here, settings.filter, settings.filter_levels)
+        if current is None or (isinstance(current, CpuDepthFilter), current.preset, current.wanted_levels) != wanted:
+            if current is not None:
+                current.release()
+            current = self.filter = (CpuDepthFilter(self.programs.context, self.size, settings.filter_levels) if here else
+                                     DepthFilter(self.programs, self.size, settings.filter, settings.filter_levels))
+        return current
+
+    def fill_input(self, rasteriser: "Rasteriser", mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
+        """Colours that the fill starts from, and the weight of each pixel: the raw picture and the keep-mask, or, of weighted
+        points, the toned picture and the confidence."""
+        if not rasteriser.weighted:
+            return rasteriser.colour, mask
+        self.confidence = self.confidence or Confidence(self.programs, self.size)
+        self.confidence.run(rasteriser.colour, rasteriser.weight, mask)
+        return self.confidence.toned, self.confidence.confidence
+
+    def fill_pass(self) -> Fill:
+        self.fill = self.fill or Fill(self.programs, self.size)
+        return self.fill
+
+    def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
+        """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""
+        if self.noise is None and noise is not None:
+            self.noise = NoiseLevel(self.programs, self.size, noise)
+        return self.noise
+
+    def neural_for(self, settings: "Settings", device: str, *, background: bool, keeps_two: bool) -> "NeuralStage":
+        """The network's stage.  device: auto, cuda or cpu.  background: what can be prepared on another thread is, and the
+        first pictures do without.  keeps_two: the one used before stays for a caller that returns to it."""
+        from .network.neural import NeuralStage
+
+        key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
+        if self.neural is None or self.neural.key != key:
+            self.neural, self.spare_neural = self.spare_neural, self.neural
+            if self.spare_neural is not None and not (keeps_two and self.spare_neural.usable):
+                self.spare_neural.release()
+                self.spare_neural = None
+            if self.neural is not None and self.neural.key != key:
+                self.neural.release()
+                self.neural = None
+            self.neural = self.neural or NeuralStage(self.programs, self.size, *key, background=background)
+        return self.neural
+
+    def release(self) -> None:
+        """Frees all of them."""
+        for made in (*self.rasterisers.values(), self.filter, self.fill, self.confidence, self.noise, *self.networks):
+            if made is not None:
+                made.release()
+        self.rasterisers = {}
+        self.filter = self.fill = self.confidence = self.noise = self.neural = self.spare_neural = None
+
+
+class KeptPasses:
+    """The passes of the present picture size, ``present``, and of ``kept_sizes`` others.
+
+    limit: pixels along a side of a texture.  allocated: whether textures may have been made since this was last cleared.
+    """
+
+    def __init__(self, programs: "Programs", limit: int, kept_sizes: int):
+        self._programs, self._limit, self.kept_sizes = programs, limit, kept_sizes
+        self.present = SizedPasses(programs, (0, 0))
+        self._kept: dict[tuple[int, int], SizedPasses] = {}
+        self.allocated = False
+
+    @property
+    def networks(self) -> "list[NeuralStage]":
         """The networks' stages of every picture size."""
-        kept = (passes[name] for passes in self._kept.values() for name in ("_neural", "_spare_neural"))
-        return [stage for stage in (self._neural, self._spare_neural, *kept) if stage is not None]
+        return [stage for passes in (self.present, *self._kept.values()) for stage in passes.networks]
 
-    def _resize(self, size: tuple[int, int], limit: int) -> None:
-        """Uses the passes of a picture size (width, height).  limit: pixels along a side of a texture.
-
-        Raises DeviceError where the picture is larger.
-        """
-        if size == self._size:
-            return
-        if max(size) > limit:
+    def use(self, size: tuple[int, int]) -> SizedPasses:
+        """The passes of a picture size (width, height).  Raises DeviceError where the picture is too large."""
+        if size == self.present.size:
+            return self.present
+        if max(size) > self._limit:
             raise DeviceError(
-                f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({limit} pixels a side); choose a "
-                "smaller --size"
+                f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self._limit} pixels a side); choose "
+                "a smaller --size"
             )
-        passes = self._swap_passes({})
-        if self._size != (0, 0):
-            self._kept[self._size] = passes
-        while len(self._kept) > self._kept_sizes and (oldest := next(iter(self._kept))) != size:
-            _release(self._kept.pop(oldest))
-        self._swap_passes(self._kept.pop(size, {}))
-        self._size, self._allocated = size, True
+        if self.present.size != (0, 0):
+            self._kept[self.present.size] = self.present
+        while len(self._kept) > self.kept_sizes and (oldest := next(iter(self._kept))) != size:
+            self._kept.pop(oldest).release()
+        self.present, self.allocated = self._kept.pop(size, None) or SizedPasses(self._programs, size), True
+        return self.present
 
-    def _swap_passes(self, passes: dict) -> dict:
-        """Uses other passes, by attribute; returns the previous ones."""
-        before = {name: getattr(self, name) for name in _NAMES}
-        for name in _NAMES:
-            setattr(self, name, passes.get(name, {} if name == "_rasterisers" else None))
-        return before
-
-    def _release_passes(self) -> None:
+    def release(self) -> None:
         """Frees the passes of every size; the next picture makes them again."""
-        for passes in (self._swap_passes({}), *self._kept.values()):
-            _release(passes)
-        self._kept, self._size = {}, (0, 0)
-
-
-def _release(passes: dict) -> None:
-    for made in (*passes["_rasterisers"].values(), *(passes[name] for name in _NAMES if name != "_rasterisers")):
-        if made is not None:
-            made.release()
+        for passes in (self.present, *self._kept.values()):
+            passes.release()
+        self.present, self._kept = SizedPasses(self._programs, (0, 0)), {}

@@ -84,20 +84,27 @@ class Stages:
             self._frames[0].milliseconds()  # its queries are reused
         self._frames[0] = self.times = Times(self._clock)
 
-    def run(self, name: str, work: Callable[[], Elapsed | None]) -> None:
-        """Runs ``work`` as the stage ``name``.  A function that it returns gives the stage's milliseconds, instead of a query
-        of OpenGL, which does not see CUDA's work."""
-        begun, elapsed = self._clock(), None
+    def __call__(self, name: str) -> "Stage":
+        """``with stages("fill"): ...`` runs the block as the stage ``fill``."""
+        return Stage(self, name)
+
+    def start(self, stage: "Stage") -> None:
+        """Begins a stage: on a GPU, and not on the host, inside a query."""
+        stage.begun = self._clock()
+        if not self._software and stage.name not in HOST_STAGES:
+            stage.query = self._query(stage.name)
+            stage.query.__enter__()
+
+    def stop(self, stage: "Stage", *, failed: bool) -> None:
+        """Ends a stage, and notes what it took unless it failed."""
+        if (query := stage.query) is not None:
+            query.__exit__()  # type: ignore[call-arg]
+        if failed:
+            return
         if self._software:
-            work()
             self._context.finish()
-        elif name in HOST_STAGES:
-            work()
-        else:
-            with (query := self._query(name)):
-                made = work()
-            elapsed = made or (lambda: query.elapsed / 1e6)
-        self.times.note(name, (self._clock() - begun) * 1e3, elapsed)
+        elapsed = None if query is None else stage.elapsed or (lambda: query.elapsed / 1e6)
+        self.times.note(stage.name, (self._clock() - stage.begun) * 1e3, elapsed)
 
     def _query(self, name: str) -> "moderngl.Query":
         mine = self._queries[0]
@@ -117,6 +124,25 @@ class Stages:
                 _spare(self._context).extend(mine.values())
                 mine.clear()
         self._frames = [None, None]
+
+
+class Stage:
+    """One stage while it runs.  elapsed: where it is set inside the block, a function that gives the milliseconds instead of a
+    query of OpenGL, which does not see CUDA's work."""
+
+    __slots__ = ("_stages", "begun", "elapsed", "name", "query")
+
+    def __init__(self, stages: Stages, name: str):
+        self._stages, self.name, self.begun = stages, name, 0.0
+        self.query: moderngl.Query | None = None
+        self.elapsed: Elapsed | None = None
+
+    def __enter__(self) -> "Stage":
+        self._stages.start(self)
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self._stages.stop(self, failed=kind is not None)
 
 
 def _spare(context: "moderngl.Context") -> "list[moderngl.Query]":

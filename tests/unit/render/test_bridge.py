@@ -17,6 +17,7 @@ from pointglass.viewer.render.device.context import Device
 from pointglass.viewer.render.device.device_failure import CudaCallError, DeviceMemoryError, device_failure
 from pointglass.viewer.render.network import bridge, neural
 from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.sized_passes import KeptPasses
 
 # -- sizes ----------------------------------------------------------------------------------------------------------
 
@@ -220,6 +221,12 @@ def test_a_lost_device_is_a_device_error_and_the_stage_is_made_anew():
     assert stage.key == ("balanced",)
 
 
+def renderer_of(kept_sizes: int):
+    """What a renderer for CUDA needs to make a network's stage."""
+    sizes = KeptPasses(None, 64, kept_sizes)  # type: ignore[arg-type]
+    return SimpleNamespace(_sizes=sizes, _passes=sizes.use((4, 4)), _device="cuda")
+
+
 def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypatch):
     """One after the other: each of these settings changes the network or where it runs, the others do not."""
     there, made = [], []
@@ -230,13 +237,13 @@ def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypa
         return SimpleNamespace(key=key, usable=True, release=lambda: there.remove(key))
 
     monkeypatch.setattr(neural, "NeuralStage", stage)
-    renderer = SimpleNamespace(_neural=None, _spare_neural=None, _kept_sizes=0, _device="cuda", _programs=None, _size=(4, 4))
+    renderer = renderer_of(kept_sizes=0)
     plain = Settings(quality="fast", device="cpu")
     others = [{"quality": "best"}, {"filter": "off"}, {"weights": "own.safetensors"}, {"precision": "fp32"}, {"device": "auto"}]
     for settings in (plain, *(replace(plain, **other) for other in others)):
         for same in (settings, replace(settings, filter_strength=2.0, lod=1.0)):
-            assert Renderer._neural_for(renderer, same, background=False) is renderer._neural  # type: ignore[arg-type]
-            assert there == [renderer._neural.key]
+            assert Renderer._neural_for(renderer, same, background=False) is renderer._passes.neural  # type: ignore[arg-type]
+            assert there == [renderer._passes.neural.key]
     device, filtered = [key[-1] for key in made], [key[1] for key in made]
     assert len(made) == len(set(made)) == 6
     assert device == ["cpu"] * 5 + ["cuda"] and filtered == [True, True, False, True, True, True]
@@ -252,13 +259,13 @@ def test_a_window_that_alternates_between_two_networks_makes_each_once(monkeypat
         return SimpleNamespace(key=key, usable=True, release=lambda: there.remove(key[0]))
 
     monkeypatch.setattr(neural, "NeuralStage", stage)
-    renderer = SimpleNamespace(_neural=None, _spare_neural=None, _kept_sizes=2, _device="cuda", _programs=None, _size=(4, 4))
+    renderer = renderer_of(kept_sizes=2)
     for quality in ("balanced", "fast", "balanced", "fast", "balanced"):
         used = Renderer._neural_for(renderer, Settings(quality=quality), background=True)  # type: ignore[arg-type]
         assert used.key[0] == quality
     assert made == ["balanced", "fast"]
     Renderer._neural_for(renderer, Settings(quality="best"), background=True)  # type: ignore[arg-type]
     assert made == ["balanced", "fast", "best"] and sorted(there) == ["balanced", "best"]
-    renderer._neural.usable, renderer._neural.key = False, ("failed",)
+    renderer._passes.neural.usable, renderer._passes.neural.key = False, ("failed",)
     Renderer._neural_for(renderer, Settings(quality="best"), background=True)  # type: ignore[arg-type]
     assert there == ["best"] and made[-1] == "best"

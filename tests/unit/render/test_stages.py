@@ -55,7 +55,8 @@ class Query:
 def frame(stages: Stages, gpu: Gpu, **work: tuple[float, float]):
     stages.begin()
     for name, (host, device) in work.items():
-        stages.run(name, gpu.work(host, device))
+        with stages(name):
+            gpu.work(host, device)()
     stages.end()
     return stages.times
 
@@ -101,9 +102,21 @@ def test_work_elsewhere_tells_its_own_time(stages, gpu):
         return 12.5
 
     stages.begin()
-    stages.run("network", lambda: told)
+    with stages("network") as stage:
+        stage.elapsed = told
     stages.end()
     assert stages.times.milliseconds() == {"network": 12.5} and stages.times.total() == pytest.approx(12.5)
+
+
+def test_a_stage_that_failed_ends_its_query_and_has_no_time(stages, gpu):
+    stages.begin()
+    with pytest.raises(ValueError, match="a bug"), stages("fill"):
+        gpu.work(0.0, 0.001)()
+        raise ValueError("a bug")
+    with stages("fill"):
+        gpu.work(0.0, 0.002)()
+    stages.end()
+    assert stages.times.milliseconds() == pytest.approx({"fill": 2}) and gpu.made == 1
 
 
 def test_queries_are_left_to_the_next_renderer(stages, gpu):

@@ -51,7 +51,7 @@ def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) 
         "opengl": renderer.device.renderer, "driver": renderer.device.version, "milliseconds": middle,
         "ratio": float(np.median(np.divide(times["points"], times["compute"]))),
         "ratio_cpu": float(np.median(np.divide(times["cpu"], times["compute"]))) if "cpu" in times else None,
-        "software": software, "workgroup": str(renderer._rasterisers["compute"].workgroup),  # type: ignore[attr-defined]
+        "software": software, "workgroup": str(renderer._passes.rasterisers["compute"].workgroup),  # type: ignore[attr-defined]
         "differing_pixels": max(int((pictures["compute"][0] != pictures[kind][0]).any(-1).sum()) for kind in kinds),
         "failed": not all(pictures_agree(made, expected, software=software) for kind in kinds
                           for made, expected in zip(pictures[kind], pictures["compute"], strict=True)),
