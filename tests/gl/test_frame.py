@@ -229,7 +229,7 @@ def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, 
     def shown(number: int) -> np.ndarray:
         return renderers[number].render(camera, settings, views=("raw",)).image("raw")[0, : len(crowds), :3]
 
-    def broken(_resolve):
+    def broken():
         raise RuntimeError("broken here")
 
     try:
