@@ -65,9 +65,10 @@ def run(options: argparse.Namespace) -> int:
     JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
     from ..common.errors import DataError
+    from ..common.files.json_file import write_json
     from ..network.weights_folder import weights_dir
     from .outside import parse_outside
-    from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
+    from .report import PLOT_SUFFIXES, check_output, format_table, plot, save_picture
     from .room_scores import evaluate
     from .worse import Worst, ratio_of_room
 
@@ -91,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     results.sort(key=ratio_of_room, reverse=True)
     print("\n\n".join(format_table(result) for result in results))
     if options.json:
-        save(results[0] if len(results) == 1 else {"scenes": results}, options.json)
+        write_json(options.json, results[0] if len(results) == 1 else {"scenes": results})
     if options.plot:
         plot(results[0], options.plot)
     if worst is not None and worst.case is not None:
@@ -106,10 +107,10 @@ _NOT_IN_PAPER_TABLE = {"outside": [], "plot": None, "exposures": "both", "flicke
 
 
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
+    from ..common.files.json_file import write_json
     from ..data.images.scannetpp import load_scannetpp, scenes
     from ..data.sources import open_places
     from .paper_table import format_paper_table, paper_table
-    from .report import save
 
     folder = options.data[0]
     if ignored := [f"--{name}" for name, default in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != default]:
@@ -123,5 +124,5 @@ def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
                          distance_path=options.perceptual)
     print(format_paper_table(result))
     if options.json:
-        save(result, options.json)
+        write_json(options.json, result)
     return 0

@@ -1,11 +1,9 @@
 """Results of an evaluation as text, JSON and plot.  All files are written with an atomic write."""
 
-import json
 import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -87,21 +85,6 @@ def format_table(result: dict) -> str:
                       "energy, 1 = as the true pictures"]
         lines += table(sorted(result["flicker"], key=lambda r: (-r["density"], -r["flicker"])), MOVES)
     return "\n".join(lines)
-
-
-def _plain(value: Any) -> Any:
-    """A copy for JSON: numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def save(result: dict, path: Path) -> None:
-    """Writes a result as JSON; missing and infinite values are null."""
-    text = json.dumps(_plain(result), indent=1, allow_nan=False)
-    write_atomic(path, lambda partial: partial.write_text(text))
 
 
 def save_picture(picture: np.ndarray, path: Path) -> None:

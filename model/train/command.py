@@ -5,7 +5,6 @@ training pairs and the others wait.
 """
 
 import argparse
-import json
 import logging
 import math
 import os
@@ -230,6 +229,7 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
         time.sleep(1.0)
     from ..common.errors import DataError
     from ..common.files.folders import made_folder, replace_text
+    from ..common.files.json_file import write_json
     from ..common.process.signals import undone
     from ..data.procedural import procedural_places
     from ..data.sources import open_places
@@ -252,7 +252,7 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
         raise DataError(f"{options.data[0]}: contains no training data; give other folders, or --procedural N")
     _check_sizes(places, options.crop)
     with made_folder(options.out):
-        replace_text(manifest, json.dumps(facts, indent=1))
+        write_json(manifest, facts)
         folders = complete
 
         def remove() -> None:  # a manifest of nothing would refuse the next run

@@ -8,7 +8,6 @@ pairs, which then stays fixed.
 """
 
 import contextlib
-import json
 import time
 import zlib
 from collections.abc import Sequence
@@ -17,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..common.errors import DataError
-from ..common.files.folders import made_folder, replace_text
+from ..common.files.folders import made_folder
+from ..common.files.json_file import write_json
 from ..common.process.interrupts import run_in_worker, workers
 from ..common.process.processors import usable_processors, use_threads
 from ..common.process.signals import cleaned
@@ -218,7 +218,7 @@ class _Progress:
         """Writes the manifest.  The time stops once the pairs are listed."""
         if not self.kept["pairs"]:
             self.kept["seconds"] = round(self.spent(), 1)
-        replace_text(self.path, json.dumps(self.kept, indent=1))
+        write_json(self.path, self.kept)
 
 
 def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
@@ -297,4 +297,4 @@ def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path 
 
     result = evaluate(validation, weights=made, distance_path=perceptual)
     print(format_table(result), flush=True)
-    (out / "validation.json").write_text(json.dumps(result, indent=1))
+    write_json(out / "validation.json", result)

@@ -22,7 +22,8 @@ from torch import nn
 
 from ..common.errors import DataError
 from ..common.files.atomic_write import write_atomic
-from ..common.files.folders import made_folder, replace_text
+from ..common.files.folders import made_folder
+from ..common.files.json_file import write_json
 from ..common.process.interrupts import finish_before_interrupt
 from ..data.crops import Crops, Prefetcher
 from ..network.reconstruct import fast_precision
@@ -247,7 +248,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
         notes = {"perceptual": objective.name, "processes": process.count, "torch": torch.__version__, **asdict(config)}
         with made_folder(config.state):
             if process.first:
-                replace_text(config.state / "config.json", json.dumps(notes, indent=1))
+                write_json(config.state / "config.json", notes)
             # The header of weights that are published holds no paths of this machine.
             header = {**notes, "pairs": facts["pairs"], "start_from": facts["start_from"], "out": out.name,
                       "sources": [Path(source).name for source in config.sources], "perceptual_path": None}

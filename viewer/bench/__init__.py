@@ -5,7 +5,6 @@ Each result includes machine, driver, versions, scan and picture size.  Run time
 """
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...model.common.files.atomic_write import passes_through
+from ...model.common.files.json_file import write_json
 from ...model.common.seeds import MAX_SEED
 from ..common.errors import InputError
 from ..picture.settings import CHOICES
@@ -154,7 +154,6 @@ def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the chosen bench, prints a table, and writes the requested JSON and plot.  Returns the exit status."""
-    from ..common.files import write_json
     from .bench_input import described, machine
 
     _check(options)
@@ -173,19 +172,10 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     for name, text in rows(result):
         print(f"  {name:48} {text}")
     if options.json:
-        write_json(options.json, _finite(result))
+        write_json(options.json, result)
     if options.plot and plot is not None:
         plot(result, options.plot)
     return 1 if result.get("failed") else 0
-
-
-def _finite(value: Any) -> Any:
-    """A copy for JSON: numbers that are not finite become null, such as the PSNR of equal pictures."""
-    if isinstance(value, dict):
-        return {key: _finite(held) for key, held in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(held) for held in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]

@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...model.common.files.json_file import write_json
 from ..common.errors import InputError
 from ..common.file_names import safe_name
-from ..common.files import out_folder, write_array, write_json, write_png, write_together
+from ..common.files import out_folder, write_array, write_png, write_together
 from ..common.progress import progress
 from ..common.text import whole_number
 from ..picture.background import as_saved

@@ -1,7 +1,6 @@
-"""Pictures, arrays and JSON, and several files at once, written beside and renamed (model.common.files.atomic_write)."""
+"""Pictures and arrays, and several files at once, written beside and renamed (model.common.files.atomic_write)."""
 
 import contextlib
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -77,8 +76,3 @@ def write_array(path: Path, array: np.ndarray) -> None:
             np.save(file, array, allow_pickle=False)
 
     write_atomic(path, save)
-
-
-def write_json(path: Path, data: object) -> None:
-    """Writes indented JSON."""
-    write_atomic(path, lambda p: p.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8"))

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ...model.common.files.atomic_write import write_atomic
+from ...model.common.files.json_file import write_json
 from ...model.common.system import replace
 from .errors import InputError
 
@@ -45,8 +45,7 @@ def read_state(path: Path, parse: Callable[[Any], T], otherwise: T, *, most: int
 def write_state(path: Path, data: object) -> None:
     """Replaces the file; the folder is made for its owner only.  Raises OSError."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    text = json.dumps(data, indent=1) + "\n"
-    write_atomic(path, lambda beside: beside.write_text(text, "utf-8"))
+    write_json(path, data)
 
 
 def _set_aside(path: Path, error: Exception) -> None:

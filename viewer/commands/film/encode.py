@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
+from ....model.common.files.json_file import write_json
 from ...common.errors import InputError
 from ...common.file_names import inside
-from ...common.files import out_folder, write_json, write_png
+from ...common.files import out_folder, write_png
 from ...common.progress import progress
 from ...picture.camera import Camera
 from ...work.pictures.finished_pictures import whole_png

@@ -45,8 +45,9 @@ def is_scan(path: Path) -> bool:
 
 def run(options: argparse.Namespace) -> int:
     """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
+    from ....model.common.files.json_file import write_json
     from ....model.evaluation.command import names_of
-    from ....model.evaluation.report import check_output, save, save_picture
+    from ....model.evaluation.report import check_output, save_picture
     from ....model.network.weights_folder import weights_file
 
     if len(options.data) > 1:
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
                               views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)
     print(format_withheld(result))
     if options.json:
-        save(result, options.json)
+        write_json(options.json, result)
     if options.plot:
         save_picture(np.concatenate(rows), options.plot)
     return 0

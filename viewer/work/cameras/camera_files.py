@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ....model.common.files.json_file import write_json
 from ...common.errors import InputError
 from ...common.file_names import unique_names
-from ...common.files import write_json
 from ...picture.camera import Camera
 from ...readers.formats import refuse_address
 from .colmap import find_model, read_text_model
