@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from real_window import until, x_display
-from test_work_is_kept import autosaves, opened, scan  # noqa: F401  (a fixture)
+from test_work_is_kept import answered, autosaves, opened, scan, waited  # noqa: F401  (a fixture)
 
 from pointglass.viewer.window.session.autosave import read_unsaved
 from pointglass.viewer.work.project import read_project
@@ -43,26 +43,12 @@ def begun(of) -> bool:
     return any(each is not None and each.begun is not None for each in found)
 
 
-def waited(condition, seconds: float) -> bool:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.1)
-    return condition()
-
-
-def click_until(window, x: int, y: int, condition) -> None:
-    """Clicks once more where a click was missed: the picture was not at rest."""
-    for _ in range(20):
-        window.click(x, y)
-        if waited(condition, 4.0):
-            return
-    raise AssertionError("no point was set")
-
-
 def measure(window, of) -> None:
-    """Measures one distance."""
-    click_until(window, 480, 400, lambda: begun(of))
-    click_until(window, 720, 300, lambda: "•" in window.title)
+    """Measures one distance: no click is lost, whatever the window does meanwhile."""
+    window.click(480, 400)
+    until(lambda: begun(of), "the first point")
+    window.click(720, 300)
+    until(lambda: "•" in window.title, "the measurement")
 
 
 def exact(measurements, xyz) -> bool:
@@ -106,7 +92,8 @@ def test_quitting_saves_points_that_are_still_read(display, large):
     window = opened(display, text)
     window.keys("t")
     measure(window, text)
-    window.keys("ctrl+q", "Return")  # the question's Save
+    window.keys("ctrl+q")
+    answered(window, lambda: window.process.poll() is not None, "the end, after Save")
     assert window.ended() == 0
     assert exact(read_project(project).measurements, xyz)
     assert not autosaves(text)
@@ -115,7 +102,8 @@ def test_quitting_saves_points_that_are_still_read(display, large):
 def test_points_of_a_measurement_that_is_not_ended_survive_kill_9(display, scan):  # noqa: F811
     window = opened(display, scan)
     window.keys("t")
-    click_until(window, 480, 420, lambda: begun(scan))
+    window.click(480, 420)
+    until(lambda: begun(scan), "the first point")
     (file,) = autosaves(scan)
     assert "•" not in window.title, "nothing of the project has changed"
     window.process.send_signal(signal.SIGKILL)

@@ -46,15 +46,23 @@ def autosaves(scan):
 
 
 def measure(window: RealWindow) -> None:
-    """Measures a distance, with the tool; tries again where the picture was not at rest yet."""
-    for _ in range(30):
-        window.click(480, 400)
-        window.click(720, 300)
-        for _ in range(10):
-            if "•" in window.title:
-                return
-            time.sleep(0.1)
-    raise AssertionError("no measurement was made")
+    """Measures a distance, with the tool: no click is lost, whatever the window does meanwhile."""
+    window.click(480, 400)
+    window.click(720, 300)
+    until(lambda: "•" in window.title, "the measurement")
+
+
+def answered(window: RealWindow, done, what: str) -> None:
+    """Presses Enter, the question's first answer, until the window has done it: the question comes when the loop has time."""
+    until(lambda: done() or window.keys("Return") or waited(done, 2.0), what)
+
+
+def waited(condition, seconds: float) -> bool:
+    """Whether a condition came true in this time."""
+    end = time.monotonic() + seconds
+    while not (found := bool(condition())) and time.monotonic() < end:
+        time.sleep(0.1)
+    return found
 
 
 def test_a_measurement_survives_kill_9_and_is_restored_by_the_next_start(display, scan):
@@ -71,9 +79,7 @@ def test_a_measurement_survives_kill_9_and_is_restored_by_the_next_start(display
     made = found.document.measurements
     assert len(made) >= 1
     window = opened(display, scan)
-    time.sleep(1.0)  # the question has come
-    window.keys("Return")
-    window.wait_for_title("• room.xyz")
+    answered(window, lambda: "• room.xyz" in window.title, "the restored work")
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")
     until(project.exists, "the project")
@@ -113,7 +119,6 @@ def test_the_close_button_asks_chords_work_in_flight_and_a_folder_that_is_gone_l
     finally:
         os.rename(away, scan.parent)
     window.close()
-    time.sleep(0.7)
-    window.keys("Return")  # Save
+    answered(window, lambda: window.process.poll() is not None, "the end, after Save")
     assert window.ended() == 0
     assert len(read_project(project).measurements) >= 2 and not autosaves(scan)

@@ -1,5 +1,6 @@
 """Tools and overlays without a window: who receives an event, and where the camera puts a world point."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -103,3 +104,72 @@ def test_project_and_unproject_are_inverse_and_agree_with_the_matrices(seed):
     assert np.allclose(back, np.stack([300.3 + 500 * x / w, 207.9 + 480 * y / w], axis=1), atol=1e-5)
     behind, depth = camera.project(2 * eye - points)
     assert np.isnan(behind).all() and (depth < 0).all()
+
+
+class Picker(Recorder):
+    """Picks by clicks; keeps its clicks and keys."""
+
+    takes_clicks = picks = True
+
+    def pointer(self, event, context):
+        if event.kind == "release" and event.clicks:
+            self.received.append(event.position)
+        return False
+
+    def key_event(self, event, context):
+        self.received.append(event.key)
+        return True
+
+
+class Resting:
+    """What a click waits for: the picture's state, as it is given here."""
+
+    def __init__(self) -> None:
+        self.scene, self.toasts = object(), []
+        self.camera = Camera(40, 30, 30.0, 30.0, 20.0, 15.0, look_at((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+        self.viewport: Any = SimpleNamespace(frame=SimpleNamespace(facts={"points_missing": 0}))
+        self.session: Any = SimpleNamespace(flight=SimpleNamespace(moving=False), screen=SimpleNamespace(needs_picture=False))
+        self.toast, self.wake = self.toasts.append, lambda: None
+
+
+def click_at(box: Toolbox, context: Any, *places: float) -> None:
+    for place in places:
+        for kind, clicks in (("press", 0), ("release", 1)):
+            box.pointer(PointerEvent(kind, (place, 2.0), button="left", clicks=clicks), context)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("busy", ("no picture yet", "moving", "another picture to come", "points missing"))
+def test_clicks_that_come_before_the_picture_is_at_rest_are_answered_in_order_when_it_is(busy):
+    fly, picker, context = Recorder("fly"), Picker("picker"), Resting()
+    box = Toolbox([fly, picker], [])
+    box.select("picker", context)  # type: ignore[arg-type]
+    frame = context.viewport.frame
+    if busy == "no picture yet":
+        context.viewport.frame = None
+    context.session.flight.moving = busy == "moving"
+    context.session.screen.needs_picture = busy == "another picture to come"
+    frame.facts["points_missing"] = 5 if busy == "points missing" else 0
+    click_at(box, context, 1.0, 2.0)
+    assert box.key_event(KeyEvent("ENTER", "press"), context)  # type: ignore[arg-type]
+    box.follow(context)  # type: ignore[arg-type]
+    assert picker.received == []
+    frame.facts["points_missing"], context.viewport.frame = 0, frame
+    context.session.flight.moving = context.session.screen.needs_picture = False
+    click_at(box, context, 3.0)
+    assert picker.received == [], "not before those that wait"
+    box.follow(context)  # type: ignore[arg-type]
+    assert picker.received == [(1.0, 2.0), (2.0, 2.0), "ENTER", (3.0, 2.0)] and not context.toasts
+
+
+def test_a_click_whose_picture_has_moved_away_is_not_answered_and_a_line_says_so():
+    fly, picker, context = Recorder("fly"), Picker("picker"), Resting()
+    box = Toolbox([fly, picker], [])
+    box.select("picker", context)  # type: ignore[arg-type]
+    context.session.flight.moving = True
+    click_at(box, context, 1.0)
+    context.camera = replace(context.camera, camera_to_world=look_at((1.0, 0.0, 0.0), (1.0, 1.0, 0.0)))
+    context.session.flight.moving = False
+    box.follow(context)  # type: ignore[arg-type]
+    assert picker.received == [] and "click again" in context.toasts[0]
+    click_at(box, context, 4.0)
+    assert picker.received == [(4.0, 2.0)]

@@ -85,7 +85,7 @@ class InspectPoint(Tool):
     name, label, letter, key = "inspect", "Inspect", "I", "I"
     help = "click a point for its coordinates, scan, intensity, class and density"
     cursor = "crosshair"
-    takes_clicks = True
+    takes_clicks = picks = True
 
     def __init__(self) -> None:
         self._pointing, self._reading = Pointing(), ExactPoints()

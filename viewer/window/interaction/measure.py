@@ -78,7 +78,7 @@ class Measure(Tool):
     name, label, letter, key = "measure", "Measure", "M", "T"
     help = "measure between points: distance, polyline, height, angle, area"
     cursor = "crosshair"
-    takes_clicks = True
+    takes_clicks = picks = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..kit.clipboard import Clipboard
 from ..kit.image_texture import texture_of
+from .waiting_clicks import KEYS, WaitingClicks
 
 if TYPE_CHECKING:
     import moderngl
@@ -136,6 +137,7 @@ class Tool:
     help: one line, for the tooltip and the table of controls.  key: GLFW's name of the key that selects it, "" for none.
     cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
     takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
+    picks: whether a click asks what lies under the pointer: it then waits until the picture is at rest.
     wanted: what it had begun was restored: it is to be selected.
     """
 
@@ -146,6 +148,7 @@ class Tool:
     key = ""
     cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
     takes_clicks = False
+    picks = False
     wanted = False
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
@@ -207,6 +210,7 @@ class Toolbox:
         self.tools, self.overlays = tools, overlays
         self.fly = self.active = tools[0]
         self._holder: Tool | None = None  # used the press: receives everything until the release
+        self._waiting = WaitingClicks()
 
     def select(self, name: str, context: ToolContext) -> None:
         """Selects the tool ``name``; selecting the active one goes back to Fly."""
@@ -215,6 +219,7 @@ class Toolbox:
             chosen = self.fly
         if chosen is not self.active:
             self.release(context)
+            self._waiting.forget()
             self.active.left(context)
             self.active = chosen
             chosen.selected(context)
@@ -229,6 +234,11 @@ class Toolbox:
                 tool.wanted = False
                 if tool is not self.active:
                     self.select(tool.name, context)
+        for event in self._waiting.answerable(context):
+            if isinstance(event, KeyEvent):
+                self.active.key_event(event, context)
+            else:
+                self.active.pointer(event, context)
 
     @property
     def unfinished(self) -> list[str]:
@@ -247,17 +257,27 @@ class Toolbox:
             self._holder.pointer(replace(event, clicks=0) if taken else event, context)
             if event.kind in ("release", "leave"):
                 if event.clicks and self._holder is not self.active:  # a press that Fly took turned out to be a click
-                    self.active.pointer(event, context)
+                    self._give(self.active, event, context)
                 self._holder = None
             return
         for tool in dict.fromkeys((self.active, self.fly)):
-            if tool.pointer(event, context):
+            if self._give(tool, event, context):
                 if event.kind == "press":
                     self._holder = tool
                 return
 
+    def _give(self, tool: Tool, event: PointerEvent, context: ToolContext) -> bool:
+        """Gives an event to a tool, a click later where it has to wait.  Returns whether the tool used it."""
+        if tool.picks and event.kind == "release" and event.clicks and self._waiting.keeps(event, context):
+            return False
+        return tool.pointer(event, context)
+
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         """Gives a key to the selected tool.  Returns whether it used it."""
+        if event.key == "ESCAPE":
+            self._waiting.forget()
+        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context):
+            return True
         return self.active.key_event(event, context)
 
     def release(self, context: ToolContext) -> None:

@@ -121,7 +121,11 @@ def draw_load(session: Session, actions: Actions, style: Theme) -> None:
         return
     px = style.px
     width = min(px(420), imgui.get_io().display_size.x - px(80))
-    _centre()
+    if session.scene is None:
+        _centre()
+    else:  # the picture, a preview, can be worked on: its middle stays free, below the switch of views
+        area = session.area.layout.picture
+        imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, area.top + px(56)), 0, ImVec2(0.5, 0.0))
     imgui.begin("load", None, DOCKED | imgui.WindowFlags_.always_auto_resize)
     if imgui.is_window_appearing() and session.notices.message is None:  # above what lies over the picture
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())

@@ -160,7 +160,7 @@ class Input:
         self.pointer = (x, y)
         self._travelled += abs(delta[0]) + abs(delta[1])
         host.wake()
-        over_interface = host.imgui.get_io().want_capture_mouse
+        over_interface = self._over_interface
         if over_interface:
             host.linger()
         if host.session.dragging_handle:
@@ -170,6 +170,16 @@ class Input:
             self._tool("move", delta=delta)
         else:
             host.session.pointer = None
+
+    @property
+    def _over_interface(self) -> bool:
+        """Whether the pointer is imgui's.  Its own answer is of the last picture: where pictures take long, the pointer has
+        moved since, and a click on the picture would be lost, or one on a panel would set a point behind it."""
+        imgui, io = self._host.imgui, self._host.imgui.get_io()
+        pressed = self._button or any(imgui.is_mouse_down(number) for number in range(3))
+        if imgui.get_frame_count() and not pressed:
+            imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(*self.pointer))
+        return io.want_capture_mouse
 
     @property
     def position(self) -> tuple[float, float]:
@@ -190,6 +200,7 @@ class Input:
         if action == glfw.PRESS:
             session.flight.stop_glide()
         self._note_modifiers(mods)
+        over_interface = self._over_interface
         host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
         if button not in self._buttons:
             return
@@ -197,7 +208,7 @@ class Input:
         if action == glfw.RELEASE:
             if name == self._button:
                 self._release(name)
-        elif not self._button and not host.imgui.get_io().want_capture_mouse and session.scene is not None:
+        elif not self._button and not over_interface and session.scene is not None:
             self._button, self._travelled = name, 0.0
             if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
                 session.dragging_handle = True
