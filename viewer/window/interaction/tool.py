@@ -210,7 +210,7 @@ class Toolbox:
         self.tools, self.overlays = tools, overlays
         self.fly = self.active = tools[0]
         self._holder: Tool | None = None  # used the press: receives everything until the release
-        self._waiting = WaitingClicks()
+        self._waiting: WaitingClicks[PointerEvent | KeyEvent] = WaitingClicks()
 
     def select(self, name: str, context: ToolContext) -> None:
         """Selects the tool ``name``; selecting the active one goes back to Fly."""
@@ -276,7 +276,7 @@ class Toolbox:
         """Gives a key to the selected tool.  Returns whether it used it."""
         if event.key == "ESCAPE":
             self._waiting.forget()
-        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context):
+        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context, click=False):
             return True
         return self.active.key_event(event, context)
 

@@ -6,10 +6,12 @@ that place shows something else, and a line says that the click was not answered
 """
 
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from .tool import KeyEvent, PointerEvent, ToolContext
+    from ...picture.camera import Camera
+
+Event = TypeVar("Event")
 
 POINTS_S = 3.0
 """Seconds that a click waits for points that are being uploaded; chosen by hand."""
@@ -18,20 +20,34 @@ KEYS = ("ENTER", "KP_ENTER", "BACKSPACE", "DELETE")
 _MOVED = "The picture moved before the click could be answered: click again"
 
 
-class WaitingClicks:
+class Host(Protocol):
+    """What the picture's rest is known by: the parts of a ToolContext."""
+
+    session: Any
+    viewport: Any
+
+    @property
+    def scene(self) -> object: ...
+    @property
+    def camera(self) -> "Camera": ...
+    def toast(self, text: str) -> None: ...
+    def wake(self) -> None: ...
+
+
+class WaitingClicks(Generic[Event]):
     """The events that wait, of the tool that is selected."""
 
     def __init__(self) -> None:
-        self._events: list[tuple[PointerEvent | KeyEvent, tuple, float]] = []
+        self._events: list[tuple[Event, tuple, float]] = []
 
-    def keeps(self, event: "PointerEvent | KeyEvent", context: "ToolContext") -> bool:
-        """Whether an event waits; it is kept then.  A key waits only behind a click."""
-        if not self._events and (hasattr(event, "key") or at_rest(context, points=True)):
+    def keeps(self, event: Event, context: Host, *, click: bool = True) -> bool:
+        """Whether an event waits; it is kept then.  click: it is one; a key waits only behind a click."""
+        if not self._events and (not click or at_rest(context, points=True)):
             return False
         self._events.append((event, _place(context), perf_counter()))
         return True
 
-    def answerable(self, context: "ToolContext") -> "list[PointerEvent | KeyEvent]":
+    def answerable(self, context: Host) -> list[Event]:
         """The events that can be answered now; none waits any more then.  Where the picture has moved since, says so."""
         if not self._events:
             return []
@@ -53,7 +69,7 @@ class WaitingClicks:
         self._events = []
 
 
-def at_rest(context: "ToolContext", *, points: bool) -> bool:
+def at_rest(context: Host, *, points: bool) -> bool:
     """Whether the picture on the screen tells what is under the pointer.  points: only where none is missing in it."""
     frame, session = context.viewport.frame, context.session
     if frame is None or session.flight.moving or session.screen.needs_picture:
@@ -61,7 +77,7 @@ def at_rest(context: "ToolContext", *, points: bool) -> bool:
     return not (points and frame.facts["points_missing"])
 
 
-def _place(context: "ToolContext") -> tuple:
+def _place(context: Host) -> tuple:
     """What a position in the picture depends on."""
     camera = context.camera
     return camera.width, camera.height, camera.fy, camera.camera_to_world.tobytes()
