@@ -1,7 +1,7 @@
 """Decompresses LZF (Marc Lehmann's liblzf), the compression of PCD's binary_compressed form, in steps of any size.
 
 A copy reaches at most WINDOW bytes back, so that a reader needs no more of what it has decoded, and a copy of a reader is a
-place to go on from.
+place to go on from.  The package python-lzf decodes a block only as a whole, and the block of a PCD file is the whole scan.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""COLMAP models: lenses (``cameras``) and world-to-camera poses with OpenCV camera axes (``images``), the text form here."""
+"""COLMAP models: lenses (``cameras``) and world-to-camera poses with OpenCV camera axes (``images``), the text form here.
+
+pycolmap, a compiled package of COLMAP as a whole, would be a dependency for these two tables alone.
+"""
 
 from pathlib import Path
 
