@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))  # the makers of files
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "unit" / "work"))
+sys.path.insert(2, str(Path(__file__).resolve().parents[1] / "unit" / "lab"))
 
 from cloud_files import surface, write_ply
 
