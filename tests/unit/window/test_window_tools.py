@@ -127,7 +127,7 @@ class Resting:
     def __init__(self) -> None:
         self.scene, self.toasts = object(), []
         self.camera = Camera(40, 30, 30.0, 30.0, 20.0, 15.0, look_at((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-        self.viewport: Any = SimpleNamespace(frame=SimpleNamespace(facts={"points_missing": 0}))
+        self.viewport: Any = SimpleNamespace(frame=SimpleNamespace(facts=SimpleNamespace(points_missing=0)))
         self.session: Any = SimpleNamespace(flight=SimpleNamespace(moving=False), screen=SimpleNamespace(needs_picture=False))
         self.toast, self.wake = self.toasts.append, lambda: None
 
@@ -148,12 +148,12 @@ def test_clicks_that_come_before_the_picture_is_at_rest_are_answered_in_order_wh
         context.viewport.frame = None
     context.session.flight.moving = busy == "moving"
     context.session.screen.needs_picture = busy == "another picture to come"
-    frame.facts["points_missing"] = 5 if busy == "points missing" else 0
+    frame.facts.points_missing = 5 if busy == "points missing" else 0
     click_at(box, context, 1.0, 2.0)
     assert box.key_event(KeyEvent("ENTER", "press"), context)  # type: ignore[arg-type]
     box.follow(context)  # type: ignore[arg-type]
     assert picker.received == []
-    frame.facts["points_missing"], context.viewport.frame = 0, frame
+    frame.facts.points_missing, context.viewport.frame = 0, frame
     context.session.flight.moving = context.session.screen.needs_picture = False
     click_at(box, context, 3.0)
     assert picker.received == [], "not before those that wait"

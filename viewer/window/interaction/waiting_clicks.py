@@ -74,7 +74,7 @@ def at_rest(context: Host, *, points: bool) -> bool:
     frame, session = context.viewport.frame, context.session
     if frame is None or session.flight.moving or session.screen.needs_picture:
         return False
-    return not (points and frame.facts["points_missing"])
+    return not (points and frame.facts.points_missing)
 
 
 def _place(context: Host) -> tuple:
