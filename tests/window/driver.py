@@ -87,6 +87,7 @@ class Driver:
         self.app.projects.leave = lambda then: then()  # unsaved work is given up; test_unsaved_work.py has the questions
         self.app.projects.may_replace = lambda loaded: True
         self.app.last_view = lambda paths: None  # every visit begins at the start viewpoint
+        self._panels = self.panels.scenes, self.panels.look
 
     def _open(self, paths):
         from pointglass.viewer.common.progress import progress
@@ -103,6 +104,37 @@ class Driver:
         if name.startswith("passer"):
             return room_with_passer(int(name[6:]))
         return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)
+
+    def fresh(self, scan: str | None) -> None:
+        """Brings the window to where any check may begin: ``scan`` from its start viewpoint, None: the start page; nothing
+        held, nothing open, settings, size and panels as at first."""
+        from pointglass.viewer.picture.settings import Settings
+        from pointglass.viewer.window.interaction.tool import Modifiers
+
+        app, session = self.app, self.session
+        session.loads.cancel()
+        session.let_go()
+        app.input.release_pointer()
+        app.input._modifiers = Modifiers()
+        session.notices.message, session.notices.toasts, session.recording = None, [], None
+        session.help, session.interface, session.profiler = False, True, False
+        if app.toolbox.active is not app.toolbox.fly:
+            app.toolbox.select(app.toolbox.fly.name, app.tools)
+        if session.area.window_size != SIZE:
+            self.resize(*SIZE)
+        self.panels.scenes, self.panels.look = self._panels
+        chosen = session.view_settings
+        chosen.split, chosen.left, chosen.background = False, "raw", "plain"
+        chosen.request(Settings(view="filled"))
+        session.picture.adaptive_lod.keep_up = True
+        session.work.shot_scale, session.work.photo, session.work.tint = 1, None, False
+        if session.scene is not None:
+            app.act("close_scan")
+        self.settle()
+        if scan is not None:
+            self.drop(self.folder / scan)
+            self.until(lambda: session.loads.current is None and session.scene is not None and not session.visit.preview, 120.0)
+            self.rest()
 
     def settle(self, steps: int = 3) -> None:
         for _ in range(steps):
