@@ -87,7 +87,6 @@ class Driver:
         self.app.projects.leave = lambda then: then()  # unsaved work is given up; test_unsaved_work.py has the questions
         self.app.projects.may_replace = lambda loaded: True
         self.app.last_view = lambda paths: None  # every visit begins at the start viewpoint
-        self._panels = self.panels.scenes, self.panels.look
 
     def _open(self, paths):
         from pointglass.viewer.common.progress import progress
@@ -122,7 +121,8 @@ class Driver:
             app.toolbox.select(app.toolbox.fly.name, app.tools)
         if session.area.window_size != SIZE:
             self.resize(*SIZE)
-        self.panels.scenes, self.panels.look = self._panels
+        self.panels.scenes = self.panels.look = False  # as in any window as narrow as SIZE
+        self.panels._narrow, self.panels._before = True, (True, True)
         chosen = session.view_settings
         chosen.split, chosen.left, chosen.background = False, "raw", "plain"
         chosen.request(Settings(view="filled"))
