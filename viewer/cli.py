@@ -109,6 +109,7 @@ def _render(options: argparse.Namespace) -> int:
         for line in differences(shot, describe_shot(scene, shot.spec, exposures=exposures)):
             print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
     renderer = Renderer(context, scene, memory=memory)
+    renderer.choice.repeat(shot.raster if shot else "")
     _end_of_start()
     try:
         with replaced_told(picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)):

@@ -78,7 +78,7 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
                 for view, picture in zip(VIEWS, pictures, strict=True):
                     named = replace(camera, name=f"{camera.name}-{view}")
                     spec = PictureSpec(named, settings, (view,), background="black")
-                    shot = describe_shot(scene, spec, exposures="matched")
+                    shot = describe_shot(scene, spec, exposures="matched").drawn_with(renderer.choice.timed)
                     files.append(out / f"{named.name}.png")
                     write_png(files[-1], picture, {KEY: shot.text()})
                 rows.append(pictures)

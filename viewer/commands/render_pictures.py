@@ -76,7 +76,8 @@ def export_pictures(renderer: "Renderer", specs: Sequence["PictureSpec"], out: P
                 meter.update(1)
                 continue
             rendered += 1
-            write_together(out, _with_aux(renderer, shot) if aux else _picture(picture_of(renderer, spec), shot))
+            files = _with_aux(renderer, shot) if aux else _picture(picture_of(renderer, spec), renderer, shot)
+            write_together(out, files)
             meter.update(1)
     return rendered
 
@@ -87,8 +88,9 @@ def _newest(scene: "Scene") -> float:
     return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
 
 
-def _picture(image: "np.ndarray", shot: Shot) -> Files:
+def _picture(image: "np.ndarray", renderer: "Renderer", shot: Shot) -> Files:
     """The file of a picture as it is saved."""
+    shot = shot.drawn_with(renderer.choice.timed)
     return {f"{_stem(shot)}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
 
 
@@ -100,7 +102,7 @@ def _with_aux(renderer: "Renderer", shot: Shot) -> Files:
     view = spec.views[0]
     frame = render(renderer, spec, more=views_with_mask(view))
     image, mask = frame.image(view), frame.mask()
-    return _picture(as_saved(image, spec.background), shot) | {
+    return _picture(as_saved(image, spec.background), renderer, shot) | {
         f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
         f"{name}.mask.npy": lambda path: write_array(path, mask),
         f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask), _PROVENANCE_TEXT),

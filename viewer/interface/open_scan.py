@@ -153,7 +153,7 @@ class Scan:
             context, renderer = self._drawing or self._begin(scene)
             with context:  # another scan's context, or somebody else's, may be the current one
                 frame = render(renderer, spec, more=views_with_mask(view) if full else ())
-                image = as_picture(frame.image(view).copy(), describe_shot(scene, spec))
+                image = as_picture(frame.image(view).copy(), describe_shot(scene, spec).drawn_with(renderer.choice.timed))
                 if not full:
                     return image
                 mask = frame.mask()

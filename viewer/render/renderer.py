@@ -1,6 +1,7 @@
 """``render(scene, camera, settings) -> Frame``: pure, the same arguments give the same bytes.
 
-No history and no timing changes a picture unless the caller passes a history; what a window adds (adaptive quality, refinement)
+No history changes a picture unless the caller passes one, and no timing but this: a GPU chooses its rasteriser by the time that
+each takes (``choice``), and two of them may differ there in a few pixels.  What a window adds (adaptive quality, refinement)
 lives around this module.  A Renderer owns the scene's points on the GPU and the passes of the last picture size.
 """
 
@@ -30,11 +31,10 @@ from .frame import Frame, FrameFacts, raster_facts
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
 from .raster.choose_raster import RASTERISERS as RASTERISERS
-from .raster.choose_raster import fastest
+from .raster.choose_raster import RasterChoice, fastest
 from .raster.edit_block import block_of, without_clipped_cells
 from .raster.points import PointPages
 from .raster.raster import Rasteriser
-from .raster.raster_compute import ComputeRasteriser
 from .raster.raster_cpu import CpuRasteriser
 from .raster.stations import ScannerPositions, uses_station_weights
 from .sized_passes import KeptPasses, SizedPasses
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
     from ..grid.scene import Scene
     from ..picture.camera import Camera
-    from .device.device_class import Workgroup
     from .network.neural import NeuralStage
 
 _WORTH_HALVING = 64 << 20
@@ -66,8 +65,7 @@ class Renderer:
                  memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None, kept_sizes: int = 0):
         self.context, self.scene = context, scene
         self.device = describe_device(context)
-        self._raster, self._device = raster, device
-        self._workgroup: Workgroup | None = None
+        self._device, self.choice = device, RasterChoice(raster, self.device)
         self._programs = Programs(context)
         self._sizes = KeptPasses(self._programs, self.device.texture_limit, kept_sizes)
         self._culler = Culler(scene)
@@ -257,16 +255,11 @@ class Renderer:
                 streaming: bool) -> Rasteriser:
         """The rasteriser asked for; ``auto``: ``cpu`` in software OpenGL, on a GPU the one that measured fastest, fixed for
         this renderer's life."""
-        wanted = settings.raster if settings.raster != "auto" else self._raster
-        if wanted == "auto" and self.device.software:
-            wanted = self._raster = "cpu"
-        if wanted == "auto":
-            best = fastest(self._programs, self._passes.size, self.device, self.pages, draw, camera, soft, stations,
-                           streaming=streaming)
-            wanted = self._raster = best.kind
-            self._workgroup = best.workgroup if isinstance(best, ComputeRasteriser) else None
-            self._passes.rasterisers[wanted] = best
-        return self._passes.rasteriser(wanted, self._workgroup, self.device)
+        passes = self._passes
+        return self.choice.rasteriser(
+            settings.raster, passes.rasterisers, self._programs, passes.size,
+            lambda: fastest(self._programs, passes.size, self.device, self.pages, draw, camera, soft, stations,
+                            streaming=streaming))
 
     def _filtered(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
         """Runs the depth filter and returns it."""

@@ -8,7 +8,6 @@ from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
 from .passes.noise_level import NoiseLevel
-from .raster.choose_raster import make_rasteriser
 from .raster.raster_cpu import CpuRasteriser
 from .raster.stations import Confidence
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
 
     from ...model.appearance.noise import NoiseModel
     from ..picture.settings import Settings
-    from .device.context import Device
-    from .device.device_class import Workgroup
     from .device.shader import Programs
     from .network.neural import NeuralStage
     from .raster.raster import Rasteriser
@@ -45,12 +42,6 @@ class SizedPasses:
     def networks(self) -> "list[NeuralStage]":
         """The networks' stages that there are."""
         return [stage for stage in (self.neural, self.spare_neural) if stage is not None]
-
-    def rasteriser(self, kind: str, workgroup: "Workgroup | None", device: "Device") -> "Rasteriser":
-        """The rasteriser of a kind.  workgroup: of the compute one, where it is made now."""
-        if kind not in self.rasterisers:
-            self.rasterisers[kind] = make_rasteriser(kind, workgroup, self.programs, self.size, device)
-        return self.rasterisers[kind]
 
     def filter_for(self, settings: "Settings", rasteriser: "Rasteriser") -> "DepthFilter | CpuDepthFilter":
         """The depth filter of these settings; behind the processor's rasteriser its own, where it knows the preset."""

@@ -144,7 +144,7 @@ def _describe(scene: "Scene", maker: "FrameMaker", camera: "Camera") -> dict[str
         return cannot_repeat("a panorama")
     if maker.supersample > 1:
         return cannot_repeat(f"a picture averaged from one {maker.supersample} times as wide")
-    return {KEY: describe_shot(scene, maker.spec(maker.framed(camera))).text()}
+    return {KEY: describe_shot(scene, maker.spec(maker.framed(camera))).drawn_with(maker.renderer.choice.timed).text()}
 
 
 def check(options: argparse.Namespace) -> None:

@@ -1,6 +1,8 @@
 """Which rasteriser draws, where ``--raster auto`` leaves it open: on a GPU measured on the first picture, otherwise the CPU's.
 
-Every candidate makes the same picture, so that the choice changes nothing but the time.
+In software OpenGL every candidate makes the same bytes.  On a GPU two may differ in a few pixels (DIFFERING_PIXELS of
+viewer.render.device.device_class), so that a choice by timing is part of how a picture was made: pictures keep it, and
+``render --like`` repeats it.
 """
 
 from collections.abc import Callable
@@ -36,6 +38,40 @@ def make_rasteriser(kind: str, workgroup: Workgroup | None, programs: "Programs"
     if kind == "compute":
         return ComputeRasteriser(programs, size, device, workgroup)
     return RASTERISERS[kind](programs, size, device)
+
+
+class RasterChoice:
+    """The rasteriser of one renderer where the settings leave it open.
+
+    raster: a key of RASTERISERS, or auto.  timed: the kind that was chosen by timing, here or for the pictures that are to be
+    repeated; "" where none was.
+    """
+
+    def __init__(self, raster: str, device: "Device"):
+        self._kind, self._device, self.timed = raster, device, ""
+        self._workgroup: Workgroup | None = None
+
+    def repeat(self, kind: str) -> None:
+        """Draws with the kind that timing chose for other pictures; "": with the one that is fastest here.  In software OpenGL
+        all make the same bytes, and its own is kept."""
+        if kind and self._kind == "auto" and not self._device.software:
+            self._kind = self.timed = kind
+
+    def rasteriser(self, wanted: str, made: dict[str, Rasteriser], programs: "Programs", size: tuple[int, int],
+                   measured: Callable[[], Rasteriser]) -> Rasteriser:
+        """The rasteriser of a picture size.  wanted: as in the settings.  made: by kind, those that there are; added to.
+        measured: makes the fastest, where that is to be found out; its kind is then fixed."""
+        wanted = wanted if wanted != "auto" else self._kind
+        if wanted == "auto" and self._device.software:
+            wanted = self._kind = "cpu"
+        if wanted == "auto":
+            best = measured()
+            wanted = self._kind = self.timed = best.kind
+            self._workgroup = best.workgroup if isinstance(best, ComputeRasteriser) else None
+            made[wanted] = best
+        if wanted not in made:
+            made[wanted] = make_rasteriser(wanted, self._workgroup, programs, size, self._device)
+        return made[wanted]
 
 
 def fastest(programs: "Programs", size: tuple[int, int], device: "Device", pages: "PointPages", draw: "DrawList",

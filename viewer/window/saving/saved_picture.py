@@ -29,4 +29,6 @@ def saved_picture(session: "Session", viewport: "Viewport", name: str) -> tuple[
     Raises PointglassError where it cannot be made.
     """
     shot, image = shot_of(session, name), viewport.full_picture()
+    if shot is not None and viewport.renderer is not None:
+        shot = shot.drawn_with(viewport.renderer.choice.timed)
     return None if image is None else (image, shot)

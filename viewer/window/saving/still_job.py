@@ -49,7 +49,7 @@ class StillJob:
             renderer = Renderer(context, prepared(self.scene, spec.edits.ghosts))
             try:
                 if self.panorama is None:
-                    save_png(self.out, picture_of(renderer, spec), {KEY: self.shot.text()})
+                    save_png(self.out, picture_of(renderer, spec), {KEY: self.shot.drawn_with(renderer.choice.timed).text()})
                 else:
                     save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))
             finally:

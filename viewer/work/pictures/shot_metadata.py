@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 KEY = "pointglass"
 """Keyword of the PNG's text chunk."""
+TIMED = ("compute", "points")
+"""The rasterisers that a GPU may choose by timing."""
 EXPOSURES = ("matched", "as-scanned")
 
 
@@ -34,7 +36,8 @@ class Shot:
     """A picture's description and what it was made from.
 
     exposures: of EXPOSURES.  scans: names of the scan files; points: of the scene.  weights: first digits of the weights file's
-    SHA-256, "" where no network ran.  version: of pointglass.
+    SHA-256, "" where no network ran.  version: of pointglass.  raster: the rasteriser that a GPU chose by timing, "" where none
+    was chosen so.
     """
 
     spec: PictureSpec
@@ -43,10 +46,15 @@ class Shot:
     points: int
     weights: str = ""
     version: str = __version__
+    raster: str = ""
+
+    def drawn_with(self, timed: str) -> "Shot":
+        """The same picture, drawn by a renderer that chose its rasteriser by timing (RasterChoice.timed; "": it did not)."""
+        return replace(self, raster=timed if self.spec.settings.raster == "auto" else "")
 
     def text(self) -> str:
         """The JSON that the PNG keeps."""
-        spec = self.spec.to_json()
+        spec = self.spec.to_json() | ({"raster": self.raster} if self.raster else {})
         return json.dumps({
             "version": self.version, "scans": list(self.scans), "points": self.points, "exposures": self.exposures,
             "background": spec.pop("background"), "weights": self.weights, **spec,
@@ -115,8 +123,11 @@ def read_shot(path: Path) -> Shot:
         if background not in BACKGROUNDS or exposures not in EXPOSURES:
             raise InputError(f"{path}: its background {background!r:.40} or exposures {exposures!r:.40} are unknown; it "
                              f"was made by pointglass {version!r:.40}, this is {__version__}")
+        raster = found.get("raster", "")  # pictures of before it was kept have none
+        if raster not in ("", *TIMED):
+            raise damaged
         shot = Shot(PictureSpec.from_json(found, str(path)), exposures, tuple(found["scans"]),
-                    cast(int, from_json(int, found["points"], "points")), weights, version)
+                    cast(int, from_json(int, found["points"], "points")), weights, version, raster)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
         raise damaged from None
     except InputError as error:
