@@ -32,7 +32,8 @@ class Points:
     Values are the files' own, read back from them: coordinates exact to the file's resolution, attributes in the file's type
     and scale.  Where a file is gone or has changed, they are those of the grid, and :attr:`note` says so.  Few points are read
     one by one; many are read by one pass over the files, column by column, in a quarter of a byte a point and about 15 MB
-    besides the result; of formats other than LAS, LAZ and E57 a piece of the file is decoded as a whole, in more.
+    besides the result (measured on plant_room.laz, 11.6 million points: xyz 10.5 MB beside 278.5, intensity 14.6 beside 23.2,
+    classification 15.5 beside 11.6); of formats other than LAS, LAZ and E57 a piece of the file is decoded as a whole, in more.
     """
 
     def __init__(self, scene: Scene, chosen: range | np.ndarray):
