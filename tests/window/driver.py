@@ -134,6 +134,7 @@ class Driver:
         if scan is not None:
             self.drop(self.folder / scan)
             self.until(lambda: session.loads.current is None and session.scene is not None and not session.visit.preview, 120.0)
+            self.key("HOME")
             self.rest()
 
     def settle(self, steps: int = 3) -> None:
