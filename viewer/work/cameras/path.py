@@ -108,8 +108,8 @@ class _Curve:
         matrices[:, :3, 3] = self._position(us) + self._centre
         width, height = self._first.width, self._first.height
         lenses = (self._lens(us) * (height, height, width, height)).tolist()
-        return [Camera(width, height, *lens, matrix, frame_name(number))
-                for number, (lens, matrix) in enumerate(zip(lenses, matrices))]
+        return [Camera(width, height, fx, fy, cx, cy, matrix, frame_name(number))
+                for number, ((fx, fy, cx, cy), matrix) in enumerate(zip(lenses, matrices))]
 
 
 def frame_name(number: int) -> str:
