@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 BLOCK = 64
-"""Cells in a block of the upper level.  How it was chosen is not recorded."""
+"""Cells in a block of the upper level.  16 to 256 take 18 to 20 us for the 689 cells of studio.laz, eight views; not measured
+where there are many more."""
 _MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the published program
 
 

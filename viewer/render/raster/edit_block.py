@@ -29,12 +29,14 @@ BLOCK = np.dtype([
 ])  # fmt: skip
 """The uniform block Edits of common_edits.glsl (std140)."""
 DIMMED_LEAST, DIMMED_SHIFT = 40, 2
-"""A dimmed point is grey: this level, and its own brightness shifted right by this many bits; chosen by hand."""
+"""A dimmed point is grey: this level, and its own brightness shifted right by this many bits:
+40 to 103, darker than the middle and lighter than a black background."""
 DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT,
            **{f"BY_{value.name}": int(value) for value in PointValue}}
 """Constants of common_edits.glsl."""
 _SAMPLE = 200_000
-"""Points whose attributes determine the ends of a colour ramp.  How it was chosen is not recorded."""
+"""Points whose attributes determine the ends of a colour ramp.  Of so
+many the share beyond a percentile of 0.5 has a standard error of 0.016 % (sqrt(0.005 * 0.995 / 200,000))."""
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
 
 
