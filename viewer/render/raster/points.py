@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
 
 UPLOAD = 32 << 20
-"""Bytes of points uploaded in one frame of a moving picture at most.  2 GB/s at 60 frames/s:
-2 of a frame's 17 ms at the nominal 15.75 GB/s of PCIe 3.0 x16; where the link is slower, UPLOAD_SECONDS ends the upload."""
+"""Bytes uploaded in a frame of a moving picture at most: 2 of its 17 ms at the nominal 15.75 GB/s of PCIe 3.0 x16."""
 UPLOAD_SECONDS = 0.008
 """Seconds after which a frame of a moving picture uploads no more, one chunk at least: half of a frame at 60 frames/s."""
 LEAST_SLOTS = 16
