@@ -5,9 +5,9 @@ Any other exception that escapes is a bug and keeps its traceback.
 
 import sys
 
-from ...model.common.errors import PointglassError
+from ...model.common.errors import Option, PointglassError
 
-__all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "PointglassError", "is_opengl_error"]
+__all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "Option", "PointglassError", "is_opengl_error"]
 
 
 class InputError(PointglassError):

@@ -56,8 +56,7 @@ def lacks_memory(error: BaseException) -> bool:
 
 def _line(error: BaseException) -> tuple[str | None, int | None]:
     if lacks_memory(error) and getattr(error, "exit_code", 2) == 2:
-        what = str(error) if isinstance(error, PointglassError) else ""
-        about = f"{what.partition(': ')[0]}: " if ": " in what else ""
+        about = error.subject() if isinstance(error, PointglassError) else ""
         return f"{about}not enough memory for this; close other programs, allow this one more, or take a smaller scan", 2
     if isinstance(error, PointglassError):
         return str(error), error.exit_code
