@@ -32,7 +32,7 @@ from .picture.settings import Settings
 def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
         if not any(other.exists() for other in options.scans):
-            raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
+            raise InputError("no such file, folder or command (see `pointglass --help`)", file=path)
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
         from .work.project import check_projects
 
@@ -221,7 +221,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
     scans = [path for path in options.data if withheld.is_scan(path)]
     if scans and len(scans) < len(options.data):
-        raise InputError(f"{scans[0]}: is a scan, but the others are folders of rooms; evaluate it alone")
+        raise InputError("is a scan, but the others are folders of rooms", file=scans[0], remedy="evaluate it alone")
     return withheld.run(options) if scans else evaluation_command.run(options)
 
 

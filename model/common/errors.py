@@ -7,7 +7,6 @@ An option inside a sentence is an :class:`Option`, so that the Python interface 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Union
 
 from .printable import printable
 
@@ -26,7 +25,7 @@ class Option:
         return self.name if self.choice is None else f"{self.name} {self.choice}"
 
 
-Words = Union[str, tuple[Union[str, Option, "PointglassError"], ...]]
+Words = str | tuple["str | Option | PointglassError", ...]
 """A part of a sentence; in a tuple beside the options and the errors that it names."""
 Naming = Callable[[Option], str]
 """How options are called: ``str`` on the command line."""

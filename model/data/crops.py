@@ -60,8 +60,8 @@ class PairFolder:
         for name in ("truth", "neighbours", "flow", "noise"):
             array = getattr(self, name)
             if array is not None and (len(array), *array.shape[2:]) != (len(self.measured), *self.measured.shape[2:]):
-                raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match measured.npy {self.measured.shape}; "
-                                "make the pairs again")
+                raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match measured.npy {self.measured.shape}",
+                                remedy="make the pairs again")
 
     def __reduce__(self):
         return PairFolder, (self.folder,)  # pickles the path, not the pixels
@@ -71,10 +71,10 @@ class PairFolder:
         try:
             array = np.load(path, mmap_mode="r")
         except (OSError, ValueError) as error:
-            raise DataError(f"{path}: training pairs cannot be read ({error}); make them again") from None
+            raise DataError(f"training pairs cannot be read ({error})", file=path, remedy="make them again") from None
         if array.ndim != 4 or array.shape[1] != channels or array.dtype != kind:
-            raise DataError(f"{path}: {array.shape} {array.dtype}, expected (pairs, {channels}, height, width) "
-                            f"{np.dtype(kind)}; make the pairs again")
+            raise DataError(f"{array.shape} {array.dtype}, expected (pairs, {channels}, height, width) {np.dtype(kind)}",
+                            file=path, remedy="make the pairs again")
         return array
 
 
@@ -90,7 +90,8 @@ class Crops:
         for folder in self.folders:
             if min(folder.measured.shape[2:]) < crop:
                 size = f"{folder.measured.shape[3]}x{folder.measured.shape[2]}"
-                raise DataError(f"{folder.folder}: pictures of {size} are smaller than crops of {crop}; choose smaller crops")
+                raise DataError(f"pictures of {size} are smaller than crops of {crop}", file=folder.folder,
+                                remedy="choose smaller crops")
         weights = np.asarray(shares if shares else [1.0] * len(folders), float)
         self.shares = weights / weights.sum()
         paired = np.array([folder.neighbours is not None for folder in self.folders]) * self.shares

@@ -262,7 +262,7 @@ def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
     for place in places:
         sizes = {(view.width, view.height) for view in place.views}
         if len(sizes) != 1:
-            raise DataError(f"{place.name}: its pictures have {len(sizes)} sizes; split it into places of one size")
+            raise DataError(f"{place.name}: its pictures have {len(sizes)} sizes", remedy="split it into places of one size")
         groups.setdefault(sizes.pop(), []).append(place)
     return list(groups.values())
 
@@ -278,7 +278,8 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
 
     sizes = {(view.height // reduce, view.width // reduce) for place in places for view in place.views}
     if len(sizes) != 1:
-        raise DataError(f"{out}: true pictures of several sizes ({sorted(sizes)}); make the pairs of each size separately")
+        raise DataError(f"true pictures of several sizes ({sorted(sizes)})", file=out,
+                        remedy="make the pairs of each size separately")
     ((height, width),) = sizes
     count = sum(len(place.views) for place in places) * scans * variants
     out.parent.mkdir(parents=True, exist_ok=True)

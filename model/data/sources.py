@@ -18,7 +18,7 @@ def open_places(folders: Sequence[Path]) -> list[TruePlace]:
 
 def _open(folder: Path) -> list[TruePlace]:
     if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder; give a folder with scene.json, of ScanNet++ or of RGB-D frames")
+        raise DataError("no such folder", file=folder, remedy="give a folder with scene.json, of ScanNet++ or of RGB-D frames")
     if (folder / "scene.json").is_file():
         from .stations import load_scene
 
@@ -36,4 +36,4 @@ def _open(folder: Path) -> list[TruePlace]:
         from .stations import load_scene
 
         return [load_scene(path) for path in below]
-    raise DataError(f"{folder}: neither scene.json, nor ScanNet++, nor RGB-D frames with poses in this folder")
+    raise DataError("neither scene.json, nor ScanNet++, nor RGB-D frames with poses in this folder", file=folder)

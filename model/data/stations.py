@@ -115,15 +115,16 @@ def load_scene(folder: Path) -> StationScene:
         if not (scene.stations and alike):
             raise ValueError(f"expected stations with {FACES} faces of one size and focal length")
     except FileNotFoundError:
-        raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
+        raise DataError("no scene.json in this folder" if folder.exists() else "no such folder", file=folder) from None
     except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise DataError(f"{folder / 'scene.json'}: not a scene description ({reason(error)})") from None
+        raise DataError(f"not a scene description ({reason(error)})", file=folder / "scene.json") from None
     views = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in views for name in (s.rgb_file, s.depth_file))
     if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in views]):
-        raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
+        raise DataError(f"{len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}", file=folder)
     if not any(np.isfinite(face.depth()).any() for faces in scene.stations for face in faces):
-        raise DataError(f"{folder}: the depth pictures of its stations have no return (all 0); write metres x depth_scale")
+        raise DataError("the depth pictures of its stations have no return (all 0)", file=folder,
+                        remedy="write metres x depth_scale")
     return scene
 
 

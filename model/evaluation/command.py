@@ -54,7 +54,7 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
     for path in files:
         name = path.stem if stems.count(path.stem) == 1 else f"{path.absolute().parent.name}/{path.stem}"
         if name in names:
-            raise DataError(f"--weights {path}: {names[name]} has the same name, {name}; rename one")
+            raise DataError(f"{names[name]} has the same name, {name}", option="--weights", value=path, remedy="rename one")
         names[name] = path
     return names
 
@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
             check_output(path, suffixes)
     for name in ("plot", "outside", "paper_table"):
         if getattr(options, name) and len(options.data) > 1:
-            raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given; omit it")
+            raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given", remedy="omit it")
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
     if options.paper_table:
         return _paper_table(options, names_of(files))

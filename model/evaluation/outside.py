@@ -50,9 +50,9 @@ def parse_outside(texts: Sequence[str]) -> dict[str, Path]:
     for text in texts:
         name, equals, folder = text.partition("=")
         if not (name.strip() and equals and folder):
-            raise DataError(f"--outside {text!r}: expected NAME=FOLDER")
+            raise DataError("expected NAME=FOLDER", option="--outside", value=text)
         if name.strip() in result:
-            raise DataError(f"--outside {text!r}: the name {name.strip()!r} is given twice")
+            raise DataError(f"the name {name.strip()!r} is given twice", option="--outside", value=text)
         result[name.strip()] = Path(folder)
     return result
 

@@ -100,11 +100,12 @@ def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
     suffixes: allowed file types; all if empty.
     """
     if suffixes and path.suffix.lower() not in suffixes:
-        raise DataError(f"{path}: the name must end in {', '.join(suffixes)}")
+        raise DataError(f"the name must end in {', '.join(suffixes)}", file=path)
     if passes_through(path):
         return
     if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise DataError(f"{path}: cannot be written; its folder must exist and be writable, and the path must not be a folder")
+        raise DataError("cannot be written; its folder must exist and be writable, and the path must not be a folder",
+                        file=path)
 
 
 def plot(result: dict, path: Path) -> None:

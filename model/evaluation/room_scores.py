@@ -265,7 +265,7 @@ def evaluate(
     methods += [network_method(name, path) for name, path in (weights or {}).items()]
     taken = sorted({method.name for method in methods} & set(outside or {}))
     if taken:
-        raise DataError(f"--outside {taken[0]}: a method of this name is compared already; choose another name")
+        raise DataError(f"--outside {taken[0]}: a method of this name is compared already", remedy="choose another name")
     others = open_outside(outside or {}, shots, along, densities)
     distance, distance_name = perceptual(distance_path)
     absent: dict[str, str] = {}

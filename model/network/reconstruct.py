@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from ..common.errors import Option
 from ..common.process.processors import usable_processors
 from .blend_cpu import Blender
 from .engines import fold_normalisation
@@ -90,14 +91,12 @@ def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None
     path = weights or weights_file(quality, filtered=filtered)
     expected = "filtered" if filtered else "unfiltered"
     if weights is None and not path.is_file():
-        raise WeightsError(
-            f"no weights are shipped for quality {quality!r} on {expected} input ({path}); choose another --quality, or "
-            "train them with `pointglass train`"
-        )
+        raise WeightsError(f"no weights are shipped for quality {quality!r} on {expected} input ({path})",
+                           remedy=("choose another ", Option("--quality"), ", or train them with `pointglass train`"))
     network, header = load_weights(path)
     if header.get("input") != expected:
-        raise WeightsError(f"{path}: made for {header.get('input')} input, this picture's is {expected}; "
-                           f"choose other weights or {'--filter off' if filtered else 'a filter'}")
+        raise WeightsError(f"made for {header.get('input')} input, this picture's is {expected}", file=path,
+                           remedy=("choose other weights or ", Option("--filter", "off") if filtered else "a filter"))
     return path, network, header
 
 

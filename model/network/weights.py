@@ -58,33 +58,35 @@ def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
     from safetensors import SafetensorError, safe_open
 
     if not path.is_file():
-        raise WeightsError(f"{path}: no such weights; shipped are: {', '.join(shipped()) or 'none'}")
+        raise WeightsError(f"no such weights; shipped are: {', '.join(shipped()) or 'none'}", file=path)
     try:
         with safe_open(str(path), "pt") as file:
             header = file.metadata() or {}
             if header.get("format") != FORMAT:
-                raise WeightsError(f"{path}: not pointglass weights (format {header.get('format')!r}, expected {FORMAT!r})")
+                raise WeightsError(f"not pointglass weights (format {header.get('format')!r}, expected {FORMAT!r})", file=path)
             quality = header.get("quality", "")
             if quality not in trainable():
-                raise WeightsError(f"{path}: weights of an unknown network {quality!r}")
+                raise WeightsError(f"weights of an unknown network {quality!r}", file=path)
             network = make_network(quality)
             expected = network.state_dict()
             names = set(file.keys())
             if names != set(expected):
-                raise WeightsError(f"{path}: the tensors are not those of the {quality} network; retrain it")
+                raise WeightsError(f"the tensors are not those of the {quality} network", file=path, remedy="retrain it")
             for name, value in expected.items():
                 stored = file.get_slice(name)
                 kind = stored.get_dtype()
                 if tuple(stored.get_shape()) != tuple(value.shape):
-                    raise WeightsError(f"{path}: tensor {name} has another shape than the {quality} network's; retrain it")
+                    raise WeightsError(f"tensor {name} has another shape than the {quality} network's", file=path,
+                                       remedy="retrain it")
                 if kind not in _NUMBERS:
-                    raise WeightsError(f"{path}: tensor {name} has type {kind}, not {'/'.join(_NUMBERS)}; retrain it")
+                    raise WeightsError(f"tensor {name} has type {kind}, not {'/'.join(_NUMBERS)}", file=path,
+                                       remedy="retrain it")
             state = {name: file.get_tensor(name).to(expected[name].dtype) for name in names}
     except (SafetensorError, OSError) as error:
-        raise WeightsError(f"{path}: cannot be read as safetensors ({error})") from None
+        raise WeightsError(f"cannot be read as safetensors ({error})", file=path) from None
     bad = next((n for n, v in state.items() if v.is_floating_point() and not torch.isfinite(v).all()), None)
     if bad:
-        raise WeightsError(f"{path}: tensor {bad} has values that are not finite")
+        raise WeightsError(f"tensor {bad} has values that are not finite", file=path)
     network.load_state_dict(state)
     return network.eval().requires_grad_(False), dict(header)
 

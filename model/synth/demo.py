@@ -126,14 +126,14 @@ def cameras_of(out: Path) -> Path:
 def check(out: Path, points: int, seed: int) -> None:
     """Raises DataError naming the first invalid argument of `main`."""
     if out.suffix.lower() not in SUFFIXES:
-        raise DataError(f"--out {out}: the name must end in {' or '.join(SUFFIXES)}")
+        raise DataError(f"the name must end in {' or '.join(SUFFIXES)}", option="--out", value=out)
     if not LEAST_POINTS <= points <= MOST_POINTS:
-        raise DataError(f"--points {points}: expected {LEAST_POINTS} to {MOST_POINTS}")
+        raise DataError(f"expected {LEAST_POINTS} to {MOST_POINTS}", option="--points", value=points)
     if not 0 <= seed <= MAX_SEED:
-        raise DataError(f"--seed {seed}: expected 0 to {MAX_SEED}")
+        raise DataError(f"expected 0 to {MAX_SEED}", option="--seed", value=seed)
     for path in (out, cameras_of(out)):
         if path.is_dir():
-            raise DataError(f"{path}: is a folder; choose another --out")
+            raise DataError("is a folder", file=path, remedy="choose another --out")
 
 
 def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[int], object] | None = None) -> int:
@@ -153,9 +153,11 @@ def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[i
             write_laz(scan, out)
             part.replace(cameras)
     except MemoryError:
-        raise DataError(f"--points {points}: more than fit into this machine's memory; choose fewer") from None
+        raise DataError("more than fit into this machine's memory", option="--points", value=points,
+                        remedy="choose fewer") from None
     except OSError as error:
-        raise DataError(f"{out}: cannot be written ({error.strerror or error}); free space or choose another --out") from None
+        raise DataError(f"cannot be written ({error.strerror or error})", file=out,
+                        remedy="free space or choose another --out") from None
     return len(scan)
 
 

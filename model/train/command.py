@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.data and not options.procedural:
         raise DataError("no training data: give folders with scene.json, or --procedural N")
     if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
-        raise DataError(f"{options.out}: contains a training with --recipe; choose another --out")
+        raise DataError("contains a training with --recipe", file=options.out, remedy="choose another --out")
     from .trainer import TrainConfig, train
 
     facts = _facts(options)
@@ -133,20 +133,20 @@ def check(options: argparse.Namespace) -> None:
 
     mode = _mode(options)
     if mode and int(os.environ.get("WORLD_SIZE", 1)) > 1:
-        raise DataError(f"{mode} trains in one process, not in {os.environ['WORLD_SIZE']}; start it without torchrun")
+        raise DataError(f"{mode} trains in one process, not in {os.environ['WORLD_SIZE']}", remedy="start it without torchrun")
     if mode and options.minutes == 0:
         raise DataError(f"--minutes 0: {mode} needs more than 0 minutes")
     for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", MIN_CROP), ("seed", 0)):
         if (value := getattr(options, name)) < least:
             raise DataError(f"--{name} {value}: expected at least {least}")
     if options.seed > MAX_SEED:
-        raise DataError(f"--seed {options.seed}: expected at most {MAX_SEED}")
+        raise DataError(f"expected at most {MAX_SEED}", option="--seed", value=options.seed)
     if not (math.isfinite(options.rate) and options.rate > 0):
         raise DataError(f"--rate {options.rate:g}: expected a learning rate above 0, such as 0.001")
     if options.minutes is not None and not (math.isfinite(options.minutes) and options.minutes >= 0):
         raise DataError(f"--minutes {options.minutes:g}: expected a number of minutes, 0 to stop at --steps only")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
-        raise DataError(f"--out {options.out}: is a file; give a folder")
+        raise DataError("is a file", option="--out", value=options.out, remedy="give a folder")
     if options.textures is not None:
         from ..data.surfaces.painting import load_textures
 
@@ -156,15 +156,16 @@ def check(options: argparse.Namespace) -> None:
 
         for name in SQUEEZE_FILES:
             if not (options.perceptual / name).is_file():
-                raise DataError(f"--perceptual {options.perceptual}: {name} is missing; give the folder with "
-                                f"{' and '.join(SQUEEZE_FILES)}, or leave the option out")
+                raise DataError(f"--perceptual {options.perceptual}: {name} is missing",
+                                remedy=f"give the folder with {' and '.join(SQUEEZE_FILES)}, or leave the option out")
     if options.start_from is not None and "start_from" not in _UNUSED_OPTIONS[mode]:
         _check_start(options.start_from, options.quality)
     if options.device == "cuda":
+        from ..common.errors import Option
         from ..network.reconstruct import cuda_problem
 
         if problem := cuda_problem():
-            raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+            raise DataError(problem, option=Option("--device", "cuda"), remedy="see `pointglass doctor`, or use --device cpu")
     if (ignored := unused(options)) and int(os.environ.get("RANK", 0)) == 0:
         command = f"train {mode}".strip()
         print(f"pointglass: `{command}` ignores {', '.join(ignored)}", file=sys.stderr)
@@ -182,7 +183,7 @@ def _check_start(path: Path, quality: str) -> None:
     except WeightsError as error:
         raise DataError(f"--start-from {error}") from None
     except ValueError as error:
-        raise DataError(f"--start-from {path}: cannot be the start of a {quality} network ({error})") from None
+        raise DataError(f"cannot be the start of a {quality} network ({error})", option="--start-from", value=path) from None
 
 
 def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
@@ -192,8 +193,8 @@ def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
     for place in places:
         for least, view in ((min(view.width, view.height) // 2, view) for view in place.views):
             if least < crop:
-                raise DataError(f"--crop {crop}: {place.name} has pictures of {view.width}x{view.height}, and half of that is "
-                                f"less than a crop; choose at most {least}")
+                raise DataError(f"{place.name} has pictures of {view.width}x{view.height}, and half of that is less than a "
+                                "crop", option="--crop", value=crop, remedy=f"choose at most {least}")
 
 
 def _facts(options: argparse.Namespace) -> "Facts":
@@ -244,12 +245,12 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
             return complete
         _log.info("training pairs are incomplete: the missing folders are made again")
     elif made:
-        raise DataError(f"{made[0]}: {EARLIER}")
+        raise DataError(EARLIER, file=made[0])
     numbers = range(options.seed, options.seed + options.procedural)
     places = open_places(options.data)
     places += list(procedural_places(seeds=numbers))
     if not places:
-        raise DataError(f"{options.data[0]}: contains no training data; give other folders, or --procedural N")
+        raise DataError("contains no training data", file=options.data[0], remedy="give other folders, or --procedural N")
     _check_sizes(places, options.crop)
     with made_folder(options.out):
         write_json(manifest, facts)

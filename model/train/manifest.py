@@ -66,12 +66,12 @@ def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
     if any(name in wanted and kept.get(name) == wanted[name] for name in ("folders", "from_here")):
         pairs = zip(wanted.pop("folders"), contents, kept.get("contents", contents), strict=True)
         if changed := [folder for folder, now, then in pairs if None not in (now, then) and now != then]:
-            raise DataError(f"{where}: {what} made with other files in {_listed(changed)}; choose another --out")
+            raise DataError(f"{where}: {what} made with other files in {_listed(changed)}", remedy="choose another --out")
     wanted.pop("from_here", None)
     differ = [_difference(OPTIONS.get(name, name), kept[name], wanted[name])
               for name in wanted if name in kept and kept[name] != wanted[name]]
     if differ:
-        raise DataError(f"{where}: {what} made with {' and '.join(differ)}; choose another --out")
+        raise DataError(f"{where}: {what} made with {' and '.join(differ)}", remedy="choose another --out")
 
 
 def _difference(label: str, kept: Any, wanted: Any) -> str:
@@ -97,9 +97,9 @@ def read_manifest(path: Path, *names: str) -> Facts | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError) as error:
-        raise DataError(f"{path}: cannot be read ({error}); choose another --out") from None
+        raise DataError(f"cannot be read ({error})", file=path, remedy="choose another --out") from None
     if not isinstance(data, dict) or not set(names) <= data.keys():
-        raise DataError(f"{path}: not the manifest of a training; choose another --out")
+        raise DataError("not the manifest of a training", file=path, remedy="choose another --out")
     return data
 
 

@@ -188,11 +188,11 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
 def _refuse_others(out: Path, recipe: Recipe) -> None:
     """Raises DataError where a folder without a manifest contains another training."""
     if any(out.glob("pairs-*filtered.*")):
-        raise DataError(f"{out}: contains a training without --recipe; choose another --out")
+        raise DataError("contains a training without --recipe", file=out, remedy="choose another --out")
     checkpoints = (folder / "checkpoint.pt" for folder in (out, *(out / stage.name for stage in recipe.stages)))
     for made in (*_made(out, recipe), *checkpoints):
         if made.exists():
-            raise DataError(f"{made}: was not made by this recipe; choose another --out")
+            raise DataError("was not made by this recipe", file=made, remedy="choose another --out")
 
 
 class _Progress:

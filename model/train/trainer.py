@@ -140,7 +140,8 @@ class Trainer:
             try:
                 started_from(self.network, load_weights(Path(config.start_from))[0])
             except ValueError as error:
-                raise DataError(f"{config.start_from}: cannot be the start of a {config.quality} network ({error})") from None
+                raise DataError(f"cannot be the start of a {config.quality} network ({error})",
+                                file=config.start_from) from None
         self.averaged = make_network(config.quality).to(process.device).requires_grad_(False).eval()
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=WEIGHT_DECAY)
@@ -158,13 +159,13 @@ class Trainer:
         """
         out, path = Path(self.config.out), self.checkpoint
         if (earlier := out / path.name).is_file():
-            raise DataError(f"{earlier}: {EARLIER}")
+            raise DataError(EARLIER, file=earlier)
         if path.is_file():
             try:
                 with warnings.catch_warnings(action="ignore"):  # the error below is enough
                     saved = torch.load(path, weights_only=True, map_location=self.process.device)
                 if (kept := json.loads(saved.get("made_from", "{}"))).get("crops") != CROPS:
-                    raise DataError(f"{path}: {EARLIER}")
+                    raise DataError(EARLIER, file=path)
                 refuse_other(out, f"{self.config.name} was", kept, facts)
                 self.network.load_state_dict(saved["network"])
                 self.averaged.load_state_dict(saved["averaged"])
@@ -173,8 +174,8 @@ class Trainer:
             except (RuntimeError, KeyError, ValueError, TypeError, AttributeError, EOFError, OSError,
                     pickle.UnpicklingError) as error:
                 reason = (str(error).splitlines() or [type(error).__name__])[0]
-                raise DataError(f"{path}: not a checkpoint of this training ({reason}); choose another --out, or remove "
-                                "it") from None
+                raise DataError(f"not a checkpoint of this training ({reason})", file=path,
+                                remedy="choose another --out, or remove it") from None
         self.saved = self.step
         if self.process.count > 1:  # a barrier: all processes have read the checkpoint before the first replaces it
             ids = [self.process.device.index] if self.process.device.type == "cuda" else None
@@ -201,8 +202,8 @@ class Trainer:
 
     def _diverged(self, why: object) -> DataError:
         kept = f"the weights of step {self.saved} are kept" if self.saved else "nothing is kept"
-        return DataError(f"{self.config.state}: training diverged at step {self.step + 1} ({why}); {kept}; choose a lower "
-                         "--rate, and another --out")
+        return DataError(f"training diverged at step {self.step + 1} ({why}); {kept}", file=self.config.state,
+                         remedy="choose a lower --rate, and another --out")
 
     def advance(self, batch, objective: Objective, rate: float) -> dict[str, torch.Tensor]:
         """One optimisation step.  Returns the terms of the loss.

@@ -80,7 +80,7 @@ def parse_count(text: str, option: str) -> int:
     except ValueError:
         count = 0.0
     if not (1 <= count <= _MOST_POINTS and count == int(count)):
-        raise InputError(f"{option} {text!r}: expected a whole number of points above 0, such as 500k, 25M or 1G")
+        raise InputError("expected a whole number of points above 0, such as 500k, 25M or 1G", option=option, value=text)
     return int(count)
 
 
@@ -124,18 +124,18 @@ def _check(options: argparse.Namespace) -> None:
         if passes_through(path):
             continue
         if not path.absolute().parent.is_dir():
-            raise InputError(f"--{option} {path}: no such folder; create it first")
+            raise InputError(f"--{option} {path}: no such folder", remedy="create it first")
         if path.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-            raise InputError(f"--{option} {path}: cannot be written; choose a file in a writable folder")
+            raise InputError(f"--{option} {path}: cannot be written", remedy="choose a file in a writable folder")
     least_frames = LEAST_FRAMES.get(options.kind, 1)
     for option, least in (("repeats", 1), ("rooms", 1), ("frames", least_frames)):
         value = getattr(options, option)
         if value is not None and value < least:
             raise InputError(f"--{option} {value}: expected at least {least}")
     if not 0 <= options.seed <= MAX_SEED:
-        raise InputError(f"--seed {options.seed}: expected 0 to {MAX_SEED}")
+        raise InputError(f"expected 0 to {MAX_SEED}", option="--seed", value=options.seed)
     if options.keep is not None and options.keep.exists() and not options.keep.is_dir():
-        raise InputError(f"--keep {options.keep}: is a file; give a folder")
+        raise InputError(f"--keep {options.keep}: is a file", remedy="give a folder")
 
 
 def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
@@ -159,7 +159,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     _check(options)
     repeats = KINDS[options.kind].repeats if options.repeats is None else options.repeats
     if KINDS[options.kind].scan == "nothing" and options.scans:
-        raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
+        raise InputError(f"`bench {options.kind}` makes its own points and takes no scan", file=options.scans[0])
     if ignored := unused(options, settings):
         print(f"pointglass: `bench {options.kind}` ignores {', '.join(ignored)}", file=sys.stderr)
     if options.kind in NEURAL or (options.kind == "frame" and settings.view == "neural"):

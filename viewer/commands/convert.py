@@ -37,16 +37,17 @@ def _place_of(out: Path) -> Path:
     """The folder that ``--out`` leads to, links followed.  Raises InputError where it cannot be replaced by a grid."""
     place = Path(os.path.realpath(out))  # a rename would replace the link, not the folder
     if place.is_symlink():
-        raise InputError(f"{out}: is a link that leads back to itself; give --out a folder that is not there yet")
+        raise InputError("is a link that leads back to itself", file=out, remedy="give --out a folder that is not there yet")
     if place.exists() and not place.is_dir():
-        raise InputError(f"{out}: is a file; give a new or empty folder to --out")
+        raise InputError("is a file", file=out, remedy="give a new or empty folder to --out")
     here = Path(os.path.realpath(os.curdir))
     if place == here or place in here.parents:
-        raise InputError(f"{out}: is the folder this runs in, or holds it; give --out a folder that is not there yet")
+        raise InputError("is the folder this runs in, or holds it", file=out,
+                         remedy="give --out a folder that is not there yet")
     if os.path.ismount(place):
-        raise InputError(f"{out}: a disk is mounted there; give --out a folder inside it that is not there yet")
+        raise InputError("a disk is mounted there", file=out, remedy="give --out a folder inside it that is not there yet")
     if place.is_dir() and (name := cache.stranger(place)):
-        raise InputError(f"{out}: holds other files ({name}); give a new or empty folder to --out")
+        raise InputError(f"holds other files ({name})", file=out, remedy="give a new or empty folder to --out")
     return place
 
 
@@ -58,7 +59,8 @@ def scans_in(paths: list[Path]) -> list[Path]:
     for path in as_paths(paths):
         inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
         if not inside:
-            raise InputError(f"{path}: holds no scan; name its .txt, .csv and .asc files one by one, or give an {KNOWN}")
+            raise InputError("holds no scan", file=path,
+                             remedy=f"name its .txt, .csv and .asc files one by one, or give an {KNOWN}")
         found += inside
     return each_once(found)
 
@@ -80,7 +82,8 @@ def convert_each(
     for file in files:
         name = name_of(file)
         if name in names:
-            raise InputError(f"{file}: {names[name]} would have the same folder, {out / name}; convert them separately")
+            raise InputError(f"{names[name]} would have the same folder, {out / name}", file=file,
+                             remedy="convert them separately")
         names[name] = file
     made: list[Path] = []
     wrong: dict[str, str] = {}

@@ -22,7 +22,7 @@ def demo_scan() -> Path:
     """The shipped scan.  Raises InputError where it is missing."""
     path = assets_dir() / "demo.laz"
     if not path.is_file():
-        raise InputError(f"{path}: the demo scan is not there; make it with `make assets`")
+        raise InputError("the demo scan is not there", file=path, remedy="make it with `make assets`")
     return path
 
 

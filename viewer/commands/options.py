@@ -94,7 +94,7 @@ def _refuse_empty(args: Sequence[str]) -> None:
         option, equals, value = arg.partition("=")
         if not arg or (option.startswith("--") and equals and not value):
             name = option or (before if before.startswith("--") else "an argument")
-            raise InputError(f"{name} is empty; give it a value, or leave it out")
+            raise InputError(f"{name} is empty", remedy="give it a value, or leave it out")
 
 
 def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:

@@ -34,7 +34,7 @@ def parse_size(text: str) -> tuple[int, int]:
     width, cross, height = text.lower().partition("x")
     size = whole_number(width), whole_number(height)
     if not (cross and size[0] and size[1]):
-        raise InputError(f"--size {text!r}: expected WIDTHxHEIGHT in pixels, such as 960x720")
+        raise InputError("expected WIDTHxHEIGHT in pixels, such as 960x720", option="--size", value=text)
     return size[0], size[1]
 
 
@@ -43,7 +43,7 @@ def parse_shard(text: str) -> tuple[int, int]:
     first, slash, second = text.partition("/")
     part, parts = whole_number(first), whole_number(second)
     if not slash or part is None or parts is None or part >= parts:
-        raise InputError(f"--shard {text!r}: expected i/n with i from 0 to n - 1, such as 0/4")
+        raise InputError("expected i/n with i from 0 to n - 1, such as 0/4", option="--shard", value=text)
     return part, parts
 
 
@@ -65,7 +65,8 @@ def export_pictures(renderer: "Renderer", specs: Sequence["PictureSpec"], out: P
     the filter, whatever the view.
     """
     if aux and not all(spec.plain for spec in specs):
-        raise InputError("--aux: the picture shows clips, colours or a comparison of a project; leave --aux out")
+        raise InputError("the picture shows clips, colours or a comparison of a project", option="--aux",
+                         remedy="leave --aux out")
     from ..render.described_picture import picture_of
 
     rendered = 0

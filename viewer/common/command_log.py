@@ -34,7 +34,8 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
         try:
             kept = _KeptLog(file, encoding="utf-8", errors="backslashreplace")
         except OSError as error:
-            raise InputError(f"{file}: cannot write this log ({error.strerror}); choose another --log-file") from None
+            raise InputError(f"cannot write this log ({error.strerror})", file=file,
+                             remedy="choose another --log-file") from None
         kept.setFormatter(_FileLine("%(asctime)s %(levelname)s %(name)s [%(threadName)s] %(message)s"))
         handlers.append(kept)
     before = {name: logging.getLogger(name).level for name in OURS}
@@ -62,7 +63,7 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
         for handler in handlers:
             handler.close()
     if (failed := getattr(handlers[-1], "failed", None)) is not None:
-        raise InputError(f"{file}: this log is incomplete ({failed.strerror or failed}); the command itself is done")
+        raise InputError(f"this log is incomplete ({failed.strerror or failed}); the command itself is done", file=file)
 
 
 class _KeptLog(logging.FileHandler):

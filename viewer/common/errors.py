@@ -5,9 +5,10 @@ Any other exception that escapes is a bug and keeps its traceback.
 
 import sys
 
-from ...model.common.errors import Option, PointglassError
+from ...model.common.errors import Option, PointglassError, Words
 
-__all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "Option", "PointglassError", "is_opengl_error"]
+__all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "Option", "PointglassError", "Words",
+           "is_opengl_error"]
 
 
 class InputError(PointglassError):

@@ -10,7 +10,7 @@ from ...model.common.files.atomic_write import write_atomic
 from ...model.common.files.folders import made_folder
 from ...model.common.files.temporary import temporary_folder
 from ...model.common.process.signals import uninterrupted
-from .errors import InputError
+from .errors import InputError, Option
 from .file_names import inside
 
 
@@ -22,7 +22,8 @@ def out_folder(out: Path) -> Iterator[None]:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             why = "a file has this name" if out.is_file() else error.strerror
-            raise InputError(f"{out}: cannot make this folder ({why}); choose another --out") from None
+            raise InputError(f"cannot make this folder ({why})", file=out,
+                             remedy=("choose another ", Option("--out"))) from None
         yield
 
 
@@ -36,13 +37,13 @@ def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> 
         try:
             beside = stack.enter_context(temporary_folder(folder / next(iter(files))))
         except OSError as error:
-            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
-                             "there, or choose another --out") from None
+            raise InputError(f"cannot be written to ({error.strerror or error})", file=folder,
+                             remedy=("make room or writing allowed there, or choose another ", Option("--out"))) from None
         for name, write in files.items():
             _named(folder / name, lambda write=write, name=name: write(inside(beside, name)))
         for name in files:
             if (folder / name).is_dir():
-                raise InputError(f"{folder / name}: is a folder; remove it, or choose another --out")
+                raise InputError("is a folder", file=folder / name, remedy=("remove it, or choose another ", Option("--out")))
         with uninterrupted():
             for name in files:
                 _named(folder / name, lambda name=name: (beside / name).replace(folder / name))
@@ -54,7 +55,8 @@ def _named(path: Path, work: Callable[[], object]) -> None:
         work()
     except OSError as error:  # NumPy's on a full disk has neither a number nor a name
         why = error.strerror or f"no space left? {error}"
-        raise InputError(f"{path}: cannot be written ({why}); free space in {path.parent}, or choose another --out") from None
+        raise InputError(f"cannot be written ({why})", file=path,
+                         remedy=(f"free space in {path.parent}, or choose another ", Option("--out"))) from None
 
 
 def write_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...model.appearance.noise import MAX_VOXELS, NoiseModel
 from ...model.common.files.temporary import restrict
-from ..common.errors import InputError
+from ..common.errors import InputError, Option, Words
 from ..common.paths import cache_dir
 from ..common.progress import progress
 from ..readers.formats import KNOWN
@@ -49,8 +49,9 @@ _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """Files that file managers leave in folders, which may be deleted with the folder."""
 _LATER = {"faces": 3, "boxes": 6}  # columns of arrays with a row per cell, which folders of earlier versions do not have
 _OPTIONAL = {*_LATER, "noise", "records", "records_high", "record_sums"}
-_CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
-_OUT_REMEDY = "free space or give --out a writable folder"
+_CACHE_REMEDY = ("free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take ",
+                 Option("--no-cache"), ")")
+_OUT_REMEDY = ("free space or give ", Option("--out"), " a writable folder")
 _NPY_ERRORS = (OSError, ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, RecursionError, KeyError,
                IndexError, Warning, tokenize.TokenError)  # fmt: skip
 """What a damaged .npy header raises: NumPy evaluates it as a Python literal and makes a type of it."""
@@ -104,11 +105,11 @@ def stranger(folder: Path) -> str | None:
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where the folder is another, or damaged."""
     if not is_grid(folder):
-        raise InputError(f"{folder}: is a folder, but not one made by convert; give an {KNOWN}")
+        raise InputError("is a folder, but not one made by convert", file=folder, remedy=f"give an {KNOWN}")
     try:
         return _read(folder, None)
     except DamagedGrid as error:
-        raise InputError(f"{folder}: damaged grid ({error}); convert the scan again") from None
+        raise InputError(f"damaged grid ({error})", file=folder, remedy="convert the scan again") from None
 
 
 def _read(folder: Path, identity: list | None) -> Scene:
@@ -203,12 +204,12 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
         scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape))
         _write(work, scene, identity)
         if identity != _identity(files):
-            raise InputError(f"{files[0]}: changed while it was read; try again")
+            raise InputError("changed while it was read", file=files[0], remedy="try again")
         _release(scene)
         del scene
         restrict(work, files)
         if keep_old and folder.exists() and (name := stranger(folder)):
-            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
+            raise InputError(f"holds other files ({name})", file=folder, remedy="give a new or empty folder")
         move(work, folder)
     return _read(folder, identity)
 
@@ -296,7 +297,7 @@ def _release(scene: Scene) -> None:
 
 
 @contextmanager
-def _written(folder: Path, remedy: str, files: list[Path]) -> Iterator[Path]:
+def _written(folder: Path, remedy: Words, files: list[Path]) -> Iterator[Path]:
     """A new folder beside ``folder``, removed at the end in any case; failures to write become CacheError.  files: scans whose
     rights it has."""
     try:
@@ -306,4 +307,4 @@ def _written(folder: Path, remedy: str, files: list[Path]) -> Iterator[Path]:
         why = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             why = "no space left" + why.removeprefix(os.strerror(error.errno)).removeprefix("no space left")
-        raise CacheError(f"{folder.parent}: cannot be written ({why}); {remedy}") from None
+        raise CacheError(f"cannot be written ({why})", file=folder.parent, remedy=remedy) from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common.errors import InputError
+from ..common.errors import InputError, Option
 from .building.cluster_check import OF_PLACES
 from .records.point_records import identity_of
 from .scene import Scene
@@ -46,8 +46,8 @@ def open_scene(
     if len(files) == 1 and files[0].is_dir():
         scene = stored.load_folder(files[0])
         if not match and scene.matched:
-            raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
-                             "give the scan itself, or convert it again with --exposures as-scanned")
+            raise InputError("was built with matched exposures, colours as scanned are not in it", file=files[0],
+                             remedy=("give the scan itself, or convert it again with ", Option("--exposures", "as-scanned")))
         return scene
     files, left_out = present(files)
     if not cache:
@@ -99,7 +99,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
         try:
             return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
         except InputError as error:  # damage that only reading all of its points finds
-            broken = next((source for source in sources if str(error).startswith(f"{source.path}:")), None)
+            broken = next((source for source in sources if error.is_of(source.path)), None)
             if broken is None or len(sources) == 1:
                 raise
             left_out.append(f"{LEFT_OUT}{error}")
@@ -177,10 +177,8 @@ def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
             reserve(file.fileno(), size, Path(tempfile.gettempdir()))
             return np.memmap(file, dtype, "r+", shape=shape)
     except OSError as error:
-        raise InputError(
-            f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB of points ({error.strerror}); "
-            "set TMPDIR to a folder with more space"
-        ) from None
+        raise InputError(f"no room for {size / 1e9:.1f} GB of points ({error.strerror})", file=tempfile.gettempdir(),
+                         remedy="set TMPDIR to a folder with more space") from None
 
 
 def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
@@ -188,7 +186,7 @@ def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
     it.  Raises InputError for an empty list."""
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
-        raise InputError("no scan given; name at least one file")
+        raise InputError("no scan given", remedy="name at least one file")
     from ..readers.formats import entry_of, scans_inside
 
     return each_once(entry_of(file) for path in given for file in scans_inside(Path(path)) or [Path(path)])

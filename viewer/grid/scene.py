@@ -174,7 +174,7 @@ def refuse_changed_file(array: np.ndarray) -> None:
     mapped: Any = getattr(array, "_mmap", None)
     if mapped is not None and len(mapped) > mapped.size():  # of the open file, whatever has its name now
         name = getattr(array, "filename", None) or "the grid"
-        raise InputError(f"{name}: was truncated while it was open; open the scan again, which builds its grid anew")
+        raise InputError(f"{name}: was truncated while it was open", remedy="open the scan again, which builds its grid anew")
 
 
 def let_go(*arrays: np.ndarray | None) -> None:

@@ -1,7 +1,6 @@
 """Checks of the arguments of the Python interface: each returns the value in its final type, or raises InputError."""
 
 import os
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -12,49 +11,31 @@ from typing import Any, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from ..common.errors import InputError, PointglassError
-from ..picture.settings import CHOICES, Settings
+from ..common.errors import InputError, Option, PointglassError
+from ..picture.settings import Settings
 
 PathLike = str | os.PathLike[str]
 
-_OPTION = re.compile(r"(?<![\w-])--([a-z][a-z-]*[a-z])(?: ([\w+.-]+))?")
-"""An option of the command line in a message, and the word behind it, which may be its value."""
-_VALUES = {**CHOICES, "exposures": ("matched", "as-scanned")}
-_FIELDS = {"filter strength": "filter_strength", "filter levels": "filter_levels", "level of detail": "lod",
-           "field of view": "fov"}  # fmt: skip
-"""How a message for the command line begins -> the argument's name in Python."""
-_RENAMED = {"out": "path"}
-_OF_THE_COMMAND = ("help", "verbose", "log-file", "version")
+_NAMES = {"filter strength": "filter_strength", "filter levels": "filter_levels", "level of detail": "lod",
+          "field of view": "fov", "--out": "path", "--no-cache": "cache=False"}  # fmt: skip
+"""What an error calls an option or a setting -> the argument in Python, where it is another word."""
 
 
 @contextmanager
 def python_names() -> Iterator[None]:
-    """Errors raised in the block name Python arguments, ``filter="off"``, where messages name options, ``--filter off``."""
+    """Errors raised in the block name Python arguments, ``filter="off"``, where the command line has ``--filter off``."""
     try:
         yield
     except PointglassError as error:
-        if error.args:
-            error.args = (in_python(str(error)), *error.args[1:])
+        error.name_options(python_option)
         raise
 
 
-def in_python(text: str) -> str:
-    """A message with Python's names for arguments."""
-
-    def argument(found: re.Match[str]) -> str:
-        name, behind = found[1].replace("-", "_"), found[2] or ""
-        name = _RENAMED.get(name, name)
-        if found[1] in _OF_THE_COMMAND:
-            return found[0]
-        value = behind.rstrip(".,;:")
-        if value in _VALUES.get(name, ()):
-            return f'{name}="{value}"{behind[len(value) :]}'
-        return f"{'cache=False' if name == 'no_cache' else name}{' ' if behind else ''}{behind}"
-
-    for words, name in _FIELDS.items():
-        if text.startswith(f"{words} "):
-            text = name + text[len(words) :]
-    return _OPTION.sub(argument, text)
+def python_option(option: Option) -> str:
+    """An option as the argument that it is in Python, with its value where it names one."""
+    name = _NAMES.get(option.name, option.name)
+    name = name.removeprefix("--").replace("-", "_") if name.startswith("--") else name
+    return name if option.choice is None else f'{name}="{option.choice}"'
 
 
 class RenderSettings(TypedDict, total=False):
@@ -98,14 +79,14 @@ def settings_of(view: str, given: RenderSettings) -> Settings:
             return Settings(view=view, **values)
     except TypeError:  # compared with a number, or looked up in a table
         shown = ", ".join(f"{name}={value!r}" for name, value in {"view": view, **values}.items())
-        raise InputError(f"render({shown}): a value is of the wrong kind; see pointglass.RenderSettings") from None
+        raise InputError(f"render({shown}): a value is of the wrong kind", remedy="see pointglass.RenderSettings") from None
 
 
 def path_of(path: PathLike) -> Path:
     try:
         return Path(path)
     except TypeError:
-        raise InputError(f"{path!r}: expected the path of a file or folder; give several as open(a, b)") from None
+        raise InputError(f"{path!r}: expected the path of a file or folder", remedy="give several as open(a, b)") from None
 
 
 def vector_of(name: str, value: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -114,7 +95,7 @@ def vector_of(name: str, value: npt.ArrayLike) -> npt.NDArray[np.float64]:
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"{name} {value!r}: expected three finite numbers, x, y and z")
+        raise InputError("expected three finite numbers, x, y and z", option=name, value=value)
     return vector
 
 
@@ -134,5 +115,5 @@ def numbers_of(index: object, count: int) -> npt.NDArray[np.int64]:
 def memory_of(gpu_memory: int | None) -> int | None:
     """Bytes that points may take on the GPU, None: by the device."""
     if gpu_memory is not None and not (isinstance(gpu_memory, int) and not isinstance(gpu_memory, bool) and gpu_memory > 0):
-        raise InputError(f"gpu_memory {gpu_memory!r}: expected a number of bytes, such as 4 << 30, or None")
+        raise InputError("expected a number of bytes, such as 4 << 30, or None", option="gpu_memory", value=gpu_memory)
     return gpu_memory

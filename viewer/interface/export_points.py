@@ -25,7 +25,7 @@ def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations
                   all_columns: bool, reproject: str | None) -> int:
     """See Scan.export."""
     if exposures not in ("as-scanned", "matched"):
-        raise InputError(f"exposures {exposures!r}: expected as-scanned or matched")
+        raise InputError("expected as-scanned or matched", option="exposures", value=exposures)
     selection = Selection(scene, within=_boxes(clip), hidden=_hidden(scene, stations))
 
     def note(text: str) -> None:
@@ -43,7 +43,8 @@ def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:
         corners = np.empty(0)
     boxes = corners[None] if corners.ndim == 2 else corners
     if boxes.shape[1:] != (2, 3) or len(boxes) == 0 or not np.isfinite(boxes).all():
-        raise InputError(f"clip {clip!r}: expected [[xmin, ymin, zmin], [xmax, ymax, zmax]] in file coordinates, or several")
+        raise InputError("expected [[xmin, ymin, zmin], [xmax, ymax, zmax]] in file coordinates, or several", option="clip",
+                         value=clip)
     if not (boxes[:, 1] > boxes[:, 0]).all():
         raise InputError(f"clip {clip!r}: each maximum must be greater than its minimum")
     return tuple(box_around(boxes[n, 0], boxes[n, 1], "clip") for n in range(len(boxes)))
@@ -57,10 +58,10 @@ def _hidden(scene: Scene, stations: Iterable[int] | None) -> frozenset[int]:
     try:
         wanted = [int(number) for number in np.asarray(list(stations), np.int64)]
     except (TypeError, ValueError):
-        raise InputError(f"stations {stations!r}: expected rows of Scan.stations, such as [0, 2]") from None
+        raise InputError("expected rows of Scan.stations, such as [0, 2]", option="stations", value=stations) from None
     for number in wanted:
         if not 0 <= number < count:
-            raise InputError(f"stations: row {number}; the scan has {count} stations, counted from 0")
+            raise InputError(f"row {number}; the scan has {count} stations, counted from 0", option="stations")
     if not wanted:
-        raise InputError("stations: names no station; give None for all")
+        raise InputError("names no station", option="stations", remedy="give None for all")
     return frozenset(range(count)) - frozenset(wanted)

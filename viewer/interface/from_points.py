@@ -81,7 +81,7 @@ def _array(name: str, value: npt.ArrayLike, shape: tuple[int | None, ...], words
 def _coordinates(xyz: npt.ArrayLike) -> np.ndarray:
     places = _array("xyz", xyz, (None, 3), "(N, 3) numbers")
     if len(places) == 0:
-        raise InputError("xyz: holds no points")
+        raise InputError("holds no points", option="xyz")
     return places
 
 
@@ -92,12 +92,13 @@ def _colours(rgb: npt.ArrayLike, count: int) -> npt.NDArray[np.uint8]:
     low, high = colours.min(), colours.max()
     if colours.dtype.kind == "f":
         if not (low >= 0 and high <= 1):
-            raise InputError(f"rgb: floats from {low:g} to {high:g}; expected floats from 0 to 1, or uint8")
+            raise InputError(f"floats from {low:g} to {high:g}; expected floats from 0 to 1, or uint8", option="rgb")
         return np.rint(colours * 255).astype(np.uint8)
     if colours.dtype == np.uint16:
         return (colours >> 8).astype(np.uint8)
     if not (low >= 0 and high <= 255):
-        raise InputError(f"rgb: {colours.dtype} from {low} to {high}; expected 0 to 255, uint16, or floats from 0 to 1")
+        raise InputError(f"{colours.dtype} from {low} to {high}; expected 0 to 255, uint16, or floats from 0 to 1",
+                         option="rgb")
     return colours.astype(np.uint8)
 
 
@@ -119,22 +120,22 @@ def _stations(count: int, station: npt.ArrayLike | None, stations: npt.ArrayLike
     if stations is not None:
         places = _array("stations", stations, (None, 3), "(S, 3) numbers").astype(np.float64)
         if len(places) > _MOST_STATIONS:
-            raise InputError(f"stations: {len(places):,} rows; at most {_MOST_STATIONS} stations are told apart")
+            raise InputError(f"{len(places):,} rows; at most {_MOST_STATIONS} stations are told apart", option="stations")
         if np.isinf(places).any():
-            raise InputError("stations: a position is infinite; give NaN where it is not known")
+            raise InputError("a position is infinite", option="stations", remedy="give NaN where it is not known")
     if station is None:
         if len(places) > 1:
-            raise InputError(f"station: missing; stations has {len(places)} rows, so give the row of each point")
+            raise InputError(f"missing; stations has {len(places)} rows, so give the row of each point", option="station")
         return np.zeros(count, np.uint8), places
     rows = _whole("station", station, count, "u1")
     assert rows is not None
     needed = int(rows.max()) + 1
     if needed > _MOST_STATIONS:
-        raise InputError(f"station: row {needed - 1}; at most {_MOST_STATIONS} stations are told apart")
+        raise InputError(f"row {needed - 1}; at most {_MOST_STATIONS} stations are told apart", option="station")
     if stations is None:
         return rows, np.full((needed, 3), np.nan)
     if needed > len(places):
-        raise InputError(f"station: row {needed - 1} of stations, which has {len(places)} rows")
+        raise InputError(f"row {needed - 1} of stations, which has {len(places)} rows", option="station")
     return rows, places
 
 
@@ -143,5 +144,6 @@ def _length(metres_per_unit: float | None) -> float | None:
         return None
     if isinstance(metres_per_unit, bool) or not isinstance(metres_per_unit, (int, float, np.number)) or not (
             0 < metres_per_unit < np.inf):
-        raise InputError(f"metres_per_unit {metres_per_unit!r}: expected a number above 0, such as 1 or 0.3048, or None")
+        raise InputError("expected a number above 0, such as 1 or 0.3048, or None", option="metres_per_unit",
+                         value=metres_per_unit)
     return float(metres_per_unit)

@@ -161,7 +161,8 @@ class Scan:
         except Exception as error:
             if is_opengl_error(error):
                 size = f"{camera.width}x{camera.height}"
-                raise DeviceError(f"OpenGL: {error}; make a picture smaller than {size}, or give open a gpu_memory") from error
+                raise DeviceError(f"OpenGL: {error}",
+                                  remedy=f"make a picture smaller than {size}, or give open a gpu_memory") from error
             raise
 
     @contextmanager
@@ -171,7 +172,7 @@ class Scan:
 
         check_not_forked()
         if not self._busy.acquire(blocking=False):
-            raise InputError(f"{self._name}: another thread is using this scan; open the scan once in each thread")
+            raise InputError(f"{self._name}: another thread is using this scan", remedy="open the scan once in each thread")
         try:
             here = os.getpid(), threading.current_thread()
             if self._drawing is not None and self._owner is not None and self._owner[1] is not here[1]:
@@ -241,7 +242,7 @@ class Scan:
     @property
     def _open(self) -> Scene:
         if self._scene is None:
-            raise InputError(f"{self._name}: this scan was closed; open it again")
+            raise InputError(f"{self._name}: this scan was closed", remedy="open it again")
         return self._scene
 
     def _begin(self, scene: Scene) -> tuple[Any, Renderer]:
@@ -276,7 +277,7 @@ def open(
 
     files = [path_of(path) for path in paths]
     if exposures not in ("matched", "as-scanned"):
-        raise InputError(f"exposures {exposures!r}: expected matched or as-scanned")
+        raise InputError("expected matched or as-scanned", option="exposures", value=exposures)
     memory = Memory(gpu=memory_of(gpu_memory))
     with python_names():
         scene = open_scene(files, cache=cache, match=exposures == "matched", columns=columns)
@@ -292,7 +293,7 @@ def _cameras(given: object) -> list[Camera]:
         if not others:
             return cameras
         wrong = others[0]
-    raise InputError(f"camera {wrong!r}: expected a pointglass.Camera, as look_at makes one, or a list of them")
+    raise InputError("expected a pointglass.Camera, as look_at makes one, or a list of them", option="camera", value=wrong)
 
 
 @cache

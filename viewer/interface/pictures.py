@@ -57,9 +57,11 @@ class Picture(np.ndarray):
         image = self._over(background)
         ending = file.suffix.lower()
         if ending not in (".png", *_OTHER_ENDINGS):
-            raise InputError(f"path {str(file)!r}: expected a file name that ends in .png, {', '.join(_OTHER_ENDINGS)}")
+            raise InputError(f"expected a file name that ends in .png, {', '.join(_OTHER_ENDINGS)}", option="path",
+                             value=str(file))
         if ending in (".jpg", ".jpeg") and image.shape[-1] == 4:
-            raise InputError('background "transparent": a JPEG has no transparency; save a PNG, or choose another background')
+            raise InputError('background "transparent": a JPEG has no transparency',
+                             remedy="save a PNG, or choose another background")
         try:
             if ending == ".png":
                 from ..common.files import write_png
@@ -72,14 +74,14 @@ class Picture(np.ndarray):
 
                 write_atomic(file, lambda beside: Image.fromarray(image).save(beside, Image.registered_extensions()[ending]))
         except OSError as error:
-            raise InputError(f"{file}: cannot be written ({error.strerror or error})") from None
+            raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
 
     def _over(self, background: str) -> np.ndarray:
         """The array as it is written to a file, with three channels, or four that are not premultiplied."""
         from ..picture.background import as_saved
 
         if background not in BACKGROUNDS:
-            raise InputError(f"background {background!r}: expected one of {', '.join(BACKGROUNDS)}")
+            raise InputError(f"expected one of {', '.join(BACKGROUNDS)}", option="background", value=background)
         if self.dtype != np.uint8 or self.ndim != 3 or self.shape[2] not in (3, 4) or 0 in self.shape:
             raise InputError(f"a picture of shape {self.shape} and type {self.dtype} cannot be written as an image; expected "
                              "(H, W, 3) or (H, W, 4) uint8")

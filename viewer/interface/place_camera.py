@@ -37,11 +37,11 @@ def look_at(
     try:
         width, height = size
     except (TypeError, ValueError):
-        raise InputError(f"size {size!r}: expected (width, height) in pixels, such as (960, 720)") from None
+        raise InputError("expected (width, height) in pixels, such as (960, 720)", option="size", value=size) from None
     try:
         degrees = float(fov)
     except (TypeError, ValueError):
-        raise InputError(f"fov {fov!r}: expected degrees above 0 and below 180") from None
+        raise InputError("expected degrees above 0 and below 180", option="fov", value=fov) from None
     Camera(width, height, 1, 1, 0, 0, np.eye(4), name)  # refuses a bad size in words before anything is computed from it
     with python_names():
         return from_fov(width, height, degrees, _pose(*places, axis), name)
@@ -76,11 +76,11 @@ def write_cameras(
     listed = [cameras] if isinstance(cameras, Camera) else list(cameras)
     for camera in listed:
         if not isinstance(camera, Camera):
-            raise InputError(f"cameras: {camera!r}: expected a pointglass.Camera")
+            raise InputError(f"{camera!r}: expected a pointglass.Camera", option="cameras")
     chosen = format or ("camera_path" if "camera_path" in file.name else "transforms")
     if chosen not in ("transforms", "camera_path"):
-        raise InputError(f"format {format!r}: expected transforms, camera_path or None")
+        raise InputError("expected transforms, camera_path or None", option="format", value=format)
     try:
         (write_camera_path if chosen == "camera_path" else write_transforms)(file, listed)
     except OSError as error:
-        raise InputError(f"{file}: cannot be written ({error.strerror or error})") from None
+        raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None

@@ -198,7 +198,7 @@ def _number(value: object) -> float:
 def from_fov(width: int, height: int, vertical_fov: float, camera_to_world: np.ndarray, name: str = "") -> Camera:
     """A centred camera with square pixels.  vertical_fov: degrees, above 0 and below 180."""
     if not 0 < vertical_fov < 180:
-        raise InputError(f"field of view {vertical_fov!r}: expected degrees above 0 and below 180")
+        raise InputError("expected degrees above 0 and below 180", option="field of view", value=vertical_fov)
     with np.errstate(over="ignore", divide="ignore"):  # Camera refuses what is not finite
         focal = 0.5 * height / np.tan(np.radians(vertical_fov) / 2)
     return Camera(width, height, focal, focal, width / 2, height / 2, camera_to_world, name)

@@ -72,7 +72,7 @@ class Slab:
         _check(self.name, self.normal, "normal", 3)
         _check(self.name, (self.thickness,), "thickness", 1, positive=True)
         if max(map(abs, self.normal)) > 1 + _ORTHONORMAL or abs(np.linalg.norm(self.normal) - 1.0) > _ORTHONORMAL:
-            raise InputError(f"clip {self.name!r}: normal {self.normal!r} is no unit vector; divide it by its length")
+            raise InputError(f"clip {self.name!r}: normal {self.normal!r} is no unit vector", remedy="divide it by its length")
 
 
 Clip = Box | Slab
@@ -100,7 +100,7 @@ def active(clips: Iterable[Clip]) -> tuple[Clip, ...]:
     """The clips that have an effect.  Raises InputError where more than MOST_CLIPS do."""
     found = tuple(clip for clip in clips if clip.active)
     if len(found) > MOST_CLIPS:
-        raise InputError(f"{len(found)} clips are active at once: {MOST_CLIPS} can be; turn some off")
+        raise InputError(f"{len(found)} clips are active at once: {MOST_CLIPS} can be", remedy="turn some off")
     return found
 
 

@@ -26,7 +26,7 @@ def joined(images: "list[np.ndarray]", background: str, views: tuple[str, ...], 
     if len(images) == 1:
         return picture
     if background == "transparent":
-        raise InputError("a comparison has no transparent background; choose another")
+        raise InputError("a comparison has no transparent background", remedy="choose another")
     column = split_column(split_at, picture.shape[1])
     picture[:, column:] = as_saved(images[1], background)[:, column:]
     return labelled(picture, column, (views[0], views[1]))

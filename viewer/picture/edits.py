@@ -45,11 +45,11 @@ class Edits:
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
-            raise InputError(f"up {self.up!r}: expected a unit vector")
+            raise InputError("expected a unit vector", option="up", value=self.up)
         if not all(0 <= number < 256 for number in self.hidden_stations):
             raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
         if self.ghosts not in GHOSTS:
-            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
+            raise InputError(f"expected one of {', '.join(GHOSTS)}", option="ghosts", value=self.ghosts)
 
     @property
     def none(self) -> bool:

@@ -67,18 +67,19 @@ class Look:
     def __post_init__(self) -> None:
         for name, table in (("colour_by", COLOUR_BY), ("ramp", RAMPS)):
             if getattr(self, name) not in table:
-                raise InputError(f"{name} {getattr(self, name)!r}: expected one of {', '.join(table)}")
+                raise InputError(f"expected one of {', '.join(table)}", option=name, value=getattr(self, name))
         for name, row in TONES.items():
             if not abs(getattr(self, name)) <= row.most:
-                raise InputError(f"{name} {getattr(self, name)!r}: expected a number from {-row.most:g} to {row.most:g}")
+                raise InputError(f"expected a number from {-row.most:g} to {row.most:g}", option=name,
+                                 value=getattr(self, name))
         for name in ("low", "high"):
             value = getattr(self, name)
             if value is not None and not np.isfinite(value):
-                raise InputError(f"{name} {value!r}: expected a finite number")
+                raise InputError("expected a finite number", option=name, value=value)
         if not (1 <= self.point_size <= MOST_POINT_SIZE and self.point_size == int(self.point_size)):
-            raise InputError(f"point size {self.point_size!r}: expected whole pixels from 1 to {MOST_POINT_SIZE}")
+            raise InputError(f"expected whole pixels from 1 to {MOST_POINT_SIZE}", option="point size", value=self.point_size)
         if not 0 <= self.edl <= 1:
-            raise InputError(f"eye-dome lighting {self.edl!r}: expected a strength from 0 to 1")
+            raise InputError("expected a strength from 0 to 1", option="eye-dome lighting", value=self.edl)
 
     @property
     def recolours(self) -> bool:

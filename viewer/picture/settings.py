@@ -84,15 +84,16 @@ class Settings:
     def __post_init__(self) -> None:
         for name, table in CHOICES.items():
             if (value := getattr(self, name)) not in table:
-                raise InputError(f"{name} {value!r}: expected one of {', '.join(table)}")
+                raise InputError(f"expected one of {', '.join(table)}", option=name, value=value)
         if not 0 < self.filter_strength <= 1000:
-            raise InputError(f"filter strength {self.filter_strength!r}: expected a number above 0, at most 1000")
+            raise InputError("expected a number above 0, at most 1000", option="filter strength", value=self.filter_strength)
         if self.filter_levels is not None and not (isinstance(self.filter_levels, Integral) and 1 <= self.filter_levels <= 12):
-            raise InputError(f"filter levels {self.filter_levels!r}: expected a whole number from 1 to 12")
+            raise InputError("expected a whole number from 1 to 12", option="filter levels", value=self.filter_levels)
         if not 0 <= self.detail <= 2:
-            raise InputError(f"detail {self.detail!r}: expected a number from 0 (smooth) to 2 (keep all measured detail)")
+            raise InputError("expected a number from 0 (smooth) to 2 (keep all measured detail)", option="detail",
+                             value=self.detail)
         if self.lod is not None and not self.lod > 0:
-            raise InputError(f"level of detail {self.lod!r}: expected points per pixel above 0")
+            raise InputError("expected points per pixel above 0", option="level of detail", value=self.lod)
 
 
 @dataclass(frozen=True)

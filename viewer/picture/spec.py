@@ -45,15 +45,15 @@ class PictureSpec:
         views = self.views or (self.settings.view,)
         for view in views:
             if view not in VIEWS:
-                raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+                raise InputError(f"expected one of {', '.join(VIEWS)}", option="view", value=view)
         object.__setattr__(self, "views", views)
         object.__setattr__(self, "settings", replace(self.settings, view=views[0]))
         if len(views) > 2:
             raise InputError(f"views {', '.join(views)}: one can be shown, or two side by side")
         if self.background not in BACKGROUNDS:
-            raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
+            raise InputError(f"expected one of {', '.join(BACKGROUNDS)}", option="background", value=self.background)
         if not 0 <= self.split_at <= 1:
-            raise InputError(f"split_at {self.split_at!r}: expected a share of the width, 0 to 1")
+            raise InputError("expected a share of the width, 0 to 1", option="split_at", value=self.split_at)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PictureSpec) and self._values() == other._values()
@@ -135,6 +135,6 @@ def camera_from_json(found: dict[str, Any], where: str) -> Camera:
             raise TypeError
         return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), found["name"])
     except (TypeError, KeyError, ValueError, OverflowError):
-        raise InputError(f"{where}: its camera is damaged") from None
+        raise InputError("its camera is damaged", file=where) from None
     except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError((error,), file=where) from None

@@ -123,7 +123,8 @@ class ColumnSource(Source):
             self.warnings.append(text)
 
     def _truncated(self, done: int, count: int, what: str = "") -> InputError:
-        return InputError(f"{self.path}: truncated: {done:,} of {count:,} points{what} could be read; copy or export it again")
+        return InputError(f"truncated: {done:,} of {count:,} points{what} could be read", file=self.path,
+                          remedy="copy or export it again")
 
 
 def _ranges_of(rows: Iterator[tuple[int, Columns]]) -> Ranges:

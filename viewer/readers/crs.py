@@ -123,14 +123,15 @@ def assigned(text: str) -> Reference:
     """
     match = _EPSG.fullmatch(text)
     if match is None:
-        raise InputError(f"{text[:30]!a} is not an EPSG code; give a number such as EPSG:25832 (see epsg.io)")
+        raise InputError(f"{text[:30]!a} is not an EPSG code", remedy="give a number such as EPSG:25832 (see epsg.io)")
     code = f"EPSG:{match[1]}"
     try:
         return code, *_looked_up(code)
     except ImportError as error:
-        raise InputError(f"{code}: pyproj, which knows the codes, cannot be loaded ({error}); pip install pyproj") from None
+        raise InputError(f"{code}: pyproj, which knows the codes, cannot be loaded ({error})",
+                         remedy="pip install pyproj") from None
     except ValueError:
-        raise InputError(f"{code}: there is no such horizontal reference system; see epsg.io for its code") from None
+        raise InputError(f"{code}: there is no such horizontal reference system", remedy="see epsg.io for its code") from None
 
 
 @lru_cache(maxsize=1)
@@ -143,7 +144,8 @@ def catalogue() -> tuple[tuple[str, str, str], ...]:
         from pyproj.database import query_crs_info
         from pyproj.enums import PJType
     except ImportError as error:
-        raise InputError(f"pyproj, which knows the names of systems, cannot be loaded ({error}); pip install pyproj") from None
+        raise InputError(f"pyproj, which knows the names of systems, cannot be loaded ({error})",
+                         remedy="pip install pyproj") from None
     kinds = [PJType.PROJECTED_CRS, PJType.GEOGRAPHIC_2D_CRS, PJType.GEOGRAPHIC_3D_CRS, PJType.COMPOUND_CRS]
     found = query_crs_info(auth_name="EPSG", pj_types=kinds)
     areas: dict[tuple[int, str], list[str]] = {}  # a system used in several areas is found once for each

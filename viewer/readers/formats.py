@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..common.errors import InputError
+from ..common.errors import InputError, Option
 from .grid_folder import is_grid
 from .text.utf16 import as_utf8
 
@@ -146,17 +146,18 @@ def check_file(path: Path) -> None:
     refuse_address(path)
     try:
         if not path.exists():
-            raise InputError(f"{path}: no such file")
+            raise InputError("no such file", file=path)
         if path.is_dir():
             if is_grid(path):
-                raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
-            raise InputError(f"{path}: is a folder, not a scan; give an {KNOWN}, or a folder made by convert")
+                raise InputError("a folder made by convert is opened alone", file=path,
+                                 remedy="give the scans it was made from")
+            raise InputError("is a folder, not a scan", file=path, remedy=f"give an {KNOWN}, or a folder made by convert")
         if not path.is_file():
-            raise InputError(f"{path}: not a regular file; copy it to disk first")
+            raise InputError("not a regular file", file=path, remedy="copy it to disk first")
         if path.stat().st_size == 0:
-            raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
+            raise InputError("the file is empty (0 bytes)", file=path, remedy="copy or export it again")
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from None
 
 
 def open_source(path: Path, columns: str | None = None) -> "Source":
@@ -171,7 +172,7 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
         with path.open("rb") as file:
             head = file.read(_HEAD)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from None
     suffix = path.suffix.lower()
     if suffix in _TEXTS:
         head = as_utf8(head)
@@ -180,12 +181,13 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
         from .text.esri_grid import is_grid_text, other_grid
 
         if grid := other_grid(head):
-            raise InputError(f"{path}: is a {grid}, which is not read; export it as ESRI ASCII grid or as points x y z")
+            raise InputError(f"is a {grid}, which is not read", file=path,
+                             remedy="export it as ESRI ASCII grid or as points x y z")
         row = next(row for row in FORMATS if row.reader[0] == "text.esri_grid") if is_grid_text(head) else None
     if row is None:
         row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
         if row is None or b"\0" in head or _packed(head):
-            raise InputError(f"{path}: {_guess(head, suffix)}; expected an {KNOWN}")
+            raise InputError(f"{_guess(head, suffix)}; expected an {KNOWN}", file=path)
     reader = getattr(import_module(f".{row.reader[0]}", __package__), row.reader[1])
     source = reader(path, columns) if row.takes_columns else reader(path)
     if row.magic and suffix not in row.suffixes:
@@ -226,7 +228,8 @@ def open_readable(paths: list[Path], columns: str | None = None) -> "tuple[list[
 def _check_columns(paths: list[Path], columns: str | None) -> None:
     if columns is not None and not any(map(takes_columns, paths)):
         texts = ", ".join(name for row in FORMATS if row.takes_columns for name in row.names)
-        raise InputError(f"{paths[0]}: --columns is for text files of points ({texts}); open this file without it")
+        raise InputError((Option("--columns"), f" is for text files of points ({texts})"), file=paths[0],
+                         remedy="open this file without it")
 
 
 def _packed(head: bytes) -> str | None:

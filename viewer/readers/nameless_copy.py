@@ -33,6 +33,6 @@ def nameless_copy(path: Path, fill: Callable[[BinaryIO, BinaryIO], object], why:
             fill(file, copy)
         copy.flush()
     except OSError as error:
-        raise InputError(f"{path}: {why}, and there is no room in {tempfile.gettempdir()} for {what} ({error.strerror}); "
-                         f"{remedy}set TMPDIR") from None  # fmt: skip
+        raise InputError(f"{why}, and there is no room in {tempfile.gettempdir()} for {what} ({error.strerror}); "
+                         f"{remedy}set TMPDIR", file=path) from None  # fmt: skip
     return copy

@@ -22,10 +22,10 @@ def own_path(folder: Path, name: str) -> Path:
     """The path ``name`` below ``folder``.  Raises InputError where it leads out of it."""
     path = folder / name
     if len(name) > _LONGEST_NAME:
-        raise InputError(f"{folder}: {name!r:.80}... is no name of a folder or file, it has {len(name):,} characters; copy or "
-                         "convert the scan again")
+        raise InputError(f"{name!r:.80}... is no name of a folder or file, it has {len(name):,} characters", file=folder,
+                         remedy="copy or convert the scan again")
     if leads_elsewhere(name) or "\0" in name or not is_inside(folder, path):
-        raise InputError(f"{folder}: {name!r:.80} leads out of this folder; only what lies inside is read, copy it there")
+        raise InputError(f"{name!r:.80} leads out of this folder; only what lies inside is read, copy it there", file=folder)
     return path
 
 
@@ -40,7 +40,7 @@ def is_inside(folder: Path, path: Path) -> bool:
 def refuse_link_out(folder: Path, file: Path) -> None:
     """Raises InputError where ``file``, which lies directly in a folder inside ``folder``, is a link that leads out of it."""
     if file.is_symlink() and not is_inside(folder, file):
-        raise InputError(f"{file}: is a link that leads out of its folder; only what lies inside is read, copy it there")
+        raise InputError("is a link that leads out of its folder; only what lies inside is read, copy it there", file=file)
 
 
 def may_unpack(packed: int, unpacked: int) -> bool:

@@ -125,7 +125,8 @@ class Source:
             if high == len(numbers):
                 break
         else:
-            raise InputError(f"{self.path}: has {first:,} points, fewer than when its grid was built; open it again")
+            raise InputError(f"has {first:,} points, fewer than when its grid was built", file=self.path,
+                             remedy="open it again")
         return joined(found)
 
     @property

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
-from ..common.errors import DeviceLostError, InputError
+from ..common.errors import DeviceLostError, InputError, Option
 from ..common.text import bytes_text
 from ..picture.edits import Edits
 from ..picture.settings import MEMORY, Memory, Settings
@@ -283,8 +283,8 @@ class Renderer:
         self._sizes.allocated = False
         if self.context.error == "GL_OUT_OF_MEMORY":
             width, height = self._passes.size
-            raise DeviceMemoryError(f"the GPU has no memory left for a picture of {width}x{height}; choose a smaller --size, "
-                                    "or lower --gpu-memory")
+            raise DeviceMemoryError(f"the GPU has no memory left for a picture of {width}x{height}",
+                                    remedy=("choose a smaller ", Option("--size"), ", or lower ", Option("--gpu-memory")))
 
     def _halve_points(self) -> bool:
         """Frees the passes and makes the points' pages again with half their budget; False where that cannot help."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..common.errors import DeviceError
+from ..common.errors import DeviceError, Option
 from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
@@ -121,10 +121,8 @@ class KeptPasses:
         if size == self.present.size:
             return self.present
         if max(size) > self._limit:
-            raise DeviceError(
-                f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self._limit} pixels a side); choose "
-                "a smaller --size"
-            )
+            raise DeviceError(f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self._limit} pixels "
+                              "a side)", remedy=("choose a smaller ", Option("--size")))
         if self.present.size != (0, 0):
             self._kept[self.present.size] = self.present
         while len(self._kept) > self.kept_sizes and (oldest := next(iter(self._kept))) != size:

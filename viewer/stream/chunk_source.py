@@ -57,7 +57,7 @@ class ChunkSource:
             try:
                 self._file = open(self.path, "rb", buffering=0)  # noqa: SIM115  (closed by close)
             except OSError as error:
-                raise InputError(f"{self.path}: cannot be read ({error.strerror}); open the scan again") from None
+                raise InputError(f"cannot be read ({error.strerror})", file=self.path, remedy="open the scan again") from None
 
     def read(self, chunk: int, into: np.ndarray) -> np.ndarray:
         """Reads a chunk's points, (n, 3) uint32, into the first rows of ``into``, (chunk_points, 3) uint32, and returns these.

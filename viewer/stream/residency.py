@@ -164,4 +164,4 @@ def byte_count(text: str, option: str) -> int:
             raise ValueError
         return int(value)
     except (ValueError, KeyError):
-        raise InputError(f"{option} {text!r}: expected a size such as 512M or 4G") from None
+        raise InputError("expected a size such as 512M or 4G", option=option, value=text) from None

@@ -40,7 +40,7 @@ class ScanFile:
 
     def __post_init__(self) -> None:
         if self.metres_per_unit is not None and not (np.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
-            raise InputError(f"{self.path}: {self.metres_per_unit!r} metres per unit: expected a number above 0")
+            raise InputError(f"{self.metres_per_unit!r} metres per unit: expected a number above 0", file=self.path)
 
 
 @dataclass(frozen=True)

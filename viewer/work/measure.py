@@ -224,4 +224,4 @@ def write_csv(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
     try:
         write_atomic(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); save it elsewhere") from None
+        raise InputError(f"cannot be written ({error.strerror or error})", file=path, remedy="save it elsewhere") from None

@@ -54,7 +54,8 @@ def write_project(path: Path, document: Document, known: typing.Mapping[str, Sca
     try:
         write_atomic(path, lambda beside: write_durably(beside, text))
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); save the project elsewhere") from None
+        raise InputError(f"cannot be written ({error.strerror or error})", file=path,
+                         remedy="save the project elsewhere") from None
 
 
 def write_durably(path: Path, text: str) -> None:
@@ -91,23 +92,24 @@ def places_in(path: Path) -> dict[str, ScanPlace]:
 def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
     try:
         if path.stat().st_size > LARGEST:
-            raise InputError(f"{path}: {path.stat().st_size} bytes are too many for a project file; is it a scan?")
+            raise InputError(f"{path.stat().st_size} bytes are too many for a project file; is it a scan?", file=path)
         data = json.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
     except (ValueError, RecursionError) as error:  # not UTF-8, not JSON
-        raise InputError(f"{path}: no project file, or a damaged one ({' '.join(str(error).split())[:120]})") from None
+        raise InputError(f"no project file, or a damaged one ({' '.join(str(error).split())[:120]})", file=path) from None
     if not isinstance(data, dict) or "pointglass_project" not in data:
-        raise InputError(f"{path}: no project file: it has no \"pointglass_project\"")
+        raise InputError('no project file: it has no "pointglass_project"', file=path)
     version = data["pointglass_project"]
     if type(version) is not int or version < 1:
-        raise InputError(f"{path}: pointglass_project {version!r}: expected a version number")
+        raise InputError(f"pointglass_project {version!r}: expected a version number", file=path)
     if version > VERSION:
-        raise InputError(f"{path}: a project of version {version}, this program reads up to {VERSION}; update pointglass")
+        raise InputError(f"a project of version {version}, this program reads up to {VERSION}", file=path,
+                         remedy="update pointglass")
     try:
         document = document_from_json(data.get("document"))
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError((error,), file=path) from None
     document, found, places = with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
     for scan, place in zip(document.scans, places + [ScanPlace()] * len(document.scans)):
         there = str(found_scan(path, scan.path, place))
@@ -123,7 +125,7 @@ def scans_of(path: Path, document: Document) -> list[Path]:
     some are not there."""
     scans = [Path(scan.path) for scan in document.scans if scan.visible]
     if not scans:
-        raise InputError(f"{path}: no scan of this project is visible; nothing to open")
+        raise InputError("no scan of this project is visible; nothing to open", file=path)
     if missing := [scan for scan in scans if not scan.exists()]:
         raise MissingScans(path, missing)
     return scans
@@ -141,7 +143,7 @@ def project_among(paths: typing.Sequence[Path]) -> Path | None:
     """The project that ``paths`` is, None where they are scans.  Raises InputError where a project is not alone."""
     projects = [path for path in paths if is_project(path)]
     if projects and len(paths) > 1:
-        raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
+        raise InputError("a project is opened by itself, not together with other files", file=projects[0])
     return projects[0] if projects else None
 
 

@@ -100,9 +100,9 @@ def parse_box(text: str) -> Clip:
     except ValueError:
         values = np.empty(0)
     if values.shape != (6,) or not np.isfinite(values).all():
-        raise InputError(f"--clip {text!r}: expected xmin,ymin,zmin,xmax,ymax,zmax in file coordinates")
+        raise InputError("expected xmin,ymin,zmin,xmax,ymax,zmax in file coordinates", option="--clip", value=text)
     if not (values[3:] > values[:3]).all():
-        raise InputError(f"--clip {text!r}: each maximum must be greater than its minimum")
+        raise InputError("each maximum must be greater than its minimum", option="--clip", value=text)
     return box_around(values[:3], values[3:], "--clip")
 
 

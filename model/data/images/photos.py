@@ -42,7 +42,7 @@ class Photograph:
         try:
             return self.lens.fx if self.lens.plain else pinhole_focal(self.lens)
         except DataError as error:
-            raise DataError(f"{self.path}: {error}") from None
+            raise DataError(f"{error}", file=self.path) from None
 
     @property
     def cx(self) -> float:
@@ -86,8 +86,8 @@ def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | N
     wanted = list(dict.fromkeys(wanted))
     if wrong := wrong_pictures(where, wanted, depths):
         more = f" and {len(wrong) - MAX_NAMED} more" if len(wrong) > MAX_NAMED else ""
-        raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:MAX_NAMED])}{more}; "
-                        "download or extract them again")
+        raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:MAX_NAMED])}{more}",
+                        remedy="download or extract them again")
 
 
 def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]],

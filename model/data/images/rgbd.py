@@ -37,14 +37,14 @@ def load_rgbd(folder: Path, *, held_out: int = HELD_OUT, step: int | None = None
     """
     folder = Path(folder)
     if held_out < 2 or any(value is not None and not value > 0 for value in (step, voxel, unit)):
-        raise DataError(f"{folder}: held_out {held_out}, step {step}, voxel {voxel}, unit {unit}: expected held_out of 2 or "
-                        "more, the others above 0")
+        raise DataError(f"held_out {held_out}, step {step}, voxel {voxel}, unit {unit}: expected held_out of 2 or more, the "
+                        "others above 0", file=folder)
     frames = read_frames(folder, unit)
     if len(frames) < 2 * held_out:
-        raise DataError(f"{folder}: {len(frames)} frames with picture, depth and pose; at least {2 * held_out} are needed, "
-                        f"because one in {held_out} is held out")
+        raise DataError(f"{len(frames)} frames with picture, depth and pose; at least {2 * held_out} are needed, because one "
+                        f"in {held_out} is held out", file=folder)
     if len({(f.width, f.height) for f in frames}) != 1:
-        raise DataError(f"{folder}: its pictures have several sizes; split it into folders of one size each")
+        raise DataError("its pictures have several sizes", file=folder, remedy="split it into folders of one size each")
     wanted: list[tuple[Path, tuple[int, int] | None]] = [(f.path, (f.width, f.height)) for f in frames]
     check_pictures(folder, [*wanted, *((f.depth_path, None) for f in frames),
                             *((f.mask, (f.width, f.height)) for f in frames if f.mask)], [f.depth_path for f in frames])
@@ -61,7 +61,7 @@ def scan_frames(folder: Path, frames: Sequence[Frame], *, step: int | None, voxe
     step = step or max(1, int(np.ceil(np.sqrt(pixels * len(frames) / MAX_POINTS))))
     finite = np.concatenate([depth[np.isfinite(depth)] for depth in sample])
     if not len(finite):
-        raise DataError(f"{folder}: its depth pictures have no depth below {FARTHEST} m; is their unit right?")
+        raise DataError(f"its depth pictures have no depth below {FARTHEST} m; is their unit right?", file=folder)
     lens = frames[0].depth_lens or frames[0].lens
     edge = voxel or float(np.median(finite)) / (lens.fx * sample[0].shape[1] / lens.width)
     parts = [frame.points(step) for frame in frames]

@@ -57,8 +57,8 @@ def read_frames(folder: Path, unit: float | None) -> list[Frame]:
     if any(folder.glob("*.pose.txt")):
         names = [(p, folder, folder, p.name.removesuffix(".pose.txt"), k) for p in folder.glob("*.pose.txt") for k in ["."]]
         return _posed(folder, names, unit)
-    raise DataError(f"{folder}: neither transforms.json, nor rgb.txt, depth.txt and groundtruth.txt, nor color/, depth/ and "
-                    "pose/, nor frame-*.pose.txt in this folder")
+    raise DataError("neither transforms.json, nor rgb.txt, depth.txt and groundtruth.txt, nor color/, depth/ and pose/, nor "
+                    "frame-*.pose.txt in this folder", file=folder)
 
 
 def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
@@ -67,8 +67,8 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
         data = json.loads(path.read_text())
         entries = data["frames"]
         if without := [str(e.get("file_path")) for e in entries if "depth_file_path" not in e]:
-            raise DataError(f"{path}: {len(without)} of {len(entries)} frames have no depth_file_path: "
-                            f"{', '.join(without[:10])}")
+            raise DataError(f"{len(without)} of {len(entries)} frames have no depth_file_path: {', '.join(without[:10])}",
+                            file=path)
         unit = unit or float(data.get("depth_unit_scale_factor", data.get("integer_depth_scale", MILLIMETRE)))
         frames = []
         for entry in entries:
@@ -77,7 +77,7 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
             lens = _nerfstudio_lens(f"{path}: {entry['file_path']}", {**data, **entry})
             frames.append(Frame(folder / entry["file_path"], lens, pose, mask, folder / entry["depth_file_path"], unit))
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise DataError(f"{path}: not a nerfstudio description ({reason(error)})") from None
+        raise DataError(f"not a nerfstudio description ({reason(error)})", file=path) from None
     return sorted(frames, key=lambda frame: str(frame.path))
 
 
@@ -101,7 +101,7 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
             raise ValueError("invalid time, position or rotation")
         turns = Rotation.from_quat(rows[:, 4:])
     except ValueError:
-        raise DataError(f"{folder / 'groundtruth.txt'}: expected lines of: timestamp tx ty tz qx qy qz qw") from None
+        raise DataError("expected lines of: timestamp tx ty tz qx qy qz qw", file=folder / "groundtruth.txt") from None
     depth_times = np.array([time for time, _ in depths])
     frames = []
     for time, words in pictures:
@@ -117,8 +117,8 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
         pose[:3, 3] = [np.interp(time, rows[before, 0], rows[before, axis]) for axis in (1, 2, 3)]
         frames.append((folder / words[0], pose @ TO_OPENGL, folder / depths[nearest][1][0]))
     if not frames:
-        raise DataError(f"{folder}: no picture has depth within {APART} s and poses around it within {POSE_GAP} s; do "
-                        "rgb.txt, depth.txt and groundtruth.txt use the same clock?")
+        raise DataError(f"no picture has depth within {APART} s and poses around it within {POSE_GAP} s; do rgb.txt, "
+                        "depth.txt and groundtruth.txt use the same clock?", file=folder)
     check_pictures(folder, [(p, None) for path, _, depth_path in frames for p in (path, depth_path)])
     lens = _tum_lens(folder, frames[0][0])
     return [Frame(path, lens, pose, None, depth_path, unit or TUM_UNIT) for path, pose, depth_path in frames]
@@ -130,17 +130,17 @@ def _listed(path: Path) -> list[tuple[float, list[str]]]:
         rows = [line.split() for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
         listed = sorted(((float(words[0]), words[1:]) for words in rows), key=lambda row: row[0])
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: not lines that begin with a timestamp ({error})") from None
+        raise DataError(f"not lines that begin with a timestamp ({error})", file=path) from None
     if any(not words for _, words in listed):
-        raise DataError(f"{path}: a line has only a timestamp")
+        raise DataError("a line has only a timestamp", file=path)
     return [row for k, row in enumerate(listed) if k == 0 or row[0] > listed[k - 1][0]]
 
 
 def _tum_lens(folder: Path, picture: Path) -> Lens:
     found = _intrinsics(folder)
     if found is None and _size(picture) != (640, 480):
-        raise DataError(f"{folder}: {picture.name} is not 640x480, so TUM's intrinsics do not apply; put fx fy cx cy into "
-                        "calibration.txt")
+        raise DataError(f"{picture.name} is not 640x480, so TUM's intrinsics do not apply", file=folder,
+                        remedy="put fx fy cx cy into calibration.txt")
     return _centred(found or TUM_ROS, _size(picture))
 
 
@@ -152,7 +152,8 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
 
     found = _intrinsics(folder)
     if found is None:
-        raise DataError(f"{folder}: no intrinsics; put fx fy cx cy, or a 3x3 matrix, into one of: {', '.join(INTRINSICS)}")
+        raise DataError("no intrinsics", file=folder,
+                        remedy=f"put fx fy cx cy, or a 3x3 matrix, into one of: {', '.join(INTRINSICS)}")
     own = folder / "intrinsic" / "intrinsic_depth.txt"
     frames, lens, depth_lens = [], None, None
     for pose_path, pictures, depths, stem, dot in sorted(names, key=order):
@@ -164,7 +165,7 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
         try:
             pose = _table(pose_path).reshape(4, 4)
         except (OSError, ValueError):
-            raise DataError(f"{pose_path}: not 4x4 numbers; extract or download it again") from None
+            raise DataError("not 4x4 numbers", file=pose_path, remedy="extract or download it again") from None
         if not np.isfinite(pose).all():
             continue
         if lens is None and path.is_file():
@@ -174,7 +175,7 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
         frames.append((path, _checked(str(pose_path), pose) @ TO_OPENGL, depth_path))
     if frames and (lens is None or (own.is_file() and depth_lens is None)):
         check_pictures(folder, [(p, None) for path, _, depth_path in frames for p in (path, depth_path)])
-        raise DataError(f"{folder}: no pictures beside its poses")
+        raise DataError("no pictures beside its poses", file=folder)
     return [Frame(p, lens, c, None, d, unit or MILLIMETRE, depth_lens) for p, c, d in frames] if lens else []
 
 
@@ -193,7 +194,7 @@ def _size(path: Path) -> tuple[int, int]:
         with Image.open(path) as image:
             return image.size
     except Exception as error:  # Pillow raises nearly anything for damaged pictures
-        raise DataError(f"{path}: cannot be read ({reason(error)})") from None
+        raise DataError(f"cannot be read ({reason(error)})", file=path) from None
 
 
 def _intrinsics(folder: Path) -> tuple[float, ...] | None:
@@ -206,15 +207,15 @@ def _numbers(path: Path) -> tuple[float, ...]:
     try:
         table = _table(path)
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: intrinsics are not a table of numbers ({error})") from None
+        raise DataError(f"intrinsics are not a table of numbers ({error})", file=path) from None
     if table.shape in ((3, 3), (4, 4)):
         values = (table[0, 0], table[1, 1], table[0, 2], table[1, 2])
     elif table.shape == (1, 4):
         values = tuple(table[0])
     else:
-        raise DataError(f"{path}: {table.shape[0]}x{table.shape[1]} numbers; expected fx fy cx cy or a 3x3 or 4x4 matrix")
+        raise DataError(f"{table.shape[0]}x{table.shape[1]} numbers; expected fx fy cx cy or a 3x3 or 4x4 matrix", file=path)
     if not ((np.abs(values) < MAX_FOCAL).all() and values[0] > 0 and values[1] > 0):
-        raise DataError(f"{path}: {[float(v) for v in values]}: not valid intrinsics of a camera")
+        raise DataError(f"{[float(v) for v in values]}: not valid intrinsics of a camera", file=path)
     return tuple(float(v) for v in values)
 
 

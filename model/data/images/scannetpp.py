@@ -50,11 +50,11 @@ def scenes(root: Path, split: str) -> list[str]:
     path = folder / f"{SPLITS.get(split, split)}.txt"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.txt"))) or "none"
-        raise DataError(f"{path}: no such split; found: {there}")
+        raise DataError(f"no such split; found: {there}", file=path)
     try:
         return [line.strip() for line in path.read_text().splitlines() if line.strip()]
     except ValueError as error:
-        raise DataError(f"{path}: not a list of scenes ({error}); download it again") from None
+        raise DataError(f"not a list of scenes ({error})", file=path, remedy="download it again") from None
 
 
 def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = "all", every: int = 1,
@@ -70,16 +70,16 @@ def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = 
                         "all, train or test; points or mesh; 1 or more")
     home = Path(root) / "data" / scene
     if not home.is_dir():
-        raise DataError(f"{home}: no such scene; {root} should be the folder with data/ and splits/")
+        raise DataError(f"no such scene; {root} should be the folder with data/ and splits/", file=home)
     cloud = home / "scans" / ("pc_aligned.ply" if surface == "points" else "mesh_aligned_0.05.ply")
     if not cloud.is_file():
         other = home / "scans" / "mesh_aligned_0.05.ply"
         hint = "; its mesh exists: choose surface='mesh'" if surface == "points" and other.is_file() else ""
-        raise DataError(f"{cloud}: missing; download the scene's scan{hint}")
+        raise DataError("missing", file=cloud, remedy=f"download the scene's scan{hint}")
     check_mesh(cloud)
     photographs = _photographs(home, camera, part)[::every]
     if not photographs:
-        raise DataError(f"{home / camera}: no {part} pictures with a pose")
+        raise DataError(f"no {part} pictures with a pose", file=home / camera)
     check_pictures(home, [(path, (p.width, p.height)) for p in photographs for path in (p.path, p.mask) if path])
     hidden = cloud.with_name(f"{cloud.stem}_mask.txt")  # indices of anonymised points
     load: Callable[[], Scan] = (
@@ -93,18 +93,19 @@ def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
     folder, kind = home / camera, CAMERAS[camera]
     pictures = folder / kind.pictures
     if not pictures.is_dir():
-        raise DataError(f"{pictures}: no pictures; {kind.remedy}")
+        raise DataError(f"no pictures; {kind.remedy}", file=pictures)
     facts = _json(folder / "nerfstudio" / "transforms.json")
     shots, held_out = (_list(folder / "nerfstudio" / "transforms.json", facts, key) for key in ("frames", "test_frames"))
     frames = [*shots, *held_out]
     if not all(isinstance(frame, dict) and isinstance(frame.get("file_path"), str) for frame in frames):
-        raise DataError(f"{folder / 'nerfstudio/transforms.json'}: frames without file_path; download it again")
+        raise DataError("frames without file_path", file=folder / "nerfstudio/transforms.json", remedy="download it again")
     bad = {Path(f["file_path"]).name for f in frames if f.get("is_bad")}
     lists = _json(folder / "train_test_lists.json")
     named = _list(folder / "train_test_lists.json", lists, "test")
     tests = {str(name) for name in named} or {Path(f["file_path"]).name for f in held_out}
     if part == "test" and not tests:
-        raise DataError(f"{folder}: neither train_test_lists.json nor transforms.json names test pictures; choose part='all'")
+        raise DataError("neither train_test_lists.json nor transforms.json names test pictures", file=folder,
+                        remedy="choose part='all'")
     masked = bool(lists.get("has_masks", facts.get("has_mask", (folder / kind.masks).is_dir())))
     if (folder / "colmap" / "images.txt").is_file():
         posed = read_colmap(folder / "colmap")
@@ -112,7 +113,8 @@ def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
         lens = _nerfstudio_lens(folder / "nerfstudio" / "transforms.json", facts)
         posed = [(Path(f["file_path"]).name, lens, FROM_NERFSTUDIO @ _pose(folder, f)) for f in frames]
     else:
-        raise DataError(f"{folder}: neither colmap/images.txt nor nerfstudio/transforms.json; download the scene's poses")
+        raise DataError("neither colmap/images.txt nor nerfstudio/transforms.json", file=folder,
+                        remedy="download the scene's poses")
     held_back = part == "all" and not any((pictures / name).is_file() for name in tests)  # as in the benchmark's test scenes
     chosen = []
     for name, lens, pose in sorted(posed, key=lambda entry: entry[0]):
@@ -130,16 +132,16 @@ def _json(path: Path) -> dict:
     try:
         data = json.loads(path.read_text())
     except (OSError, ValueError, RecursionError) as error:
-        raise DataError(f"{path}: not JSON ({error}); download it again") from None
+        raise DataError(f"not JSON ({error})", file=path, remedy="download it again") from None
     if not isinstance(data, dict):
-        raise DataError(f"{path}: not a JSON object; download it again")
+        raise DataError("not a JSON object", file=path, remedy="download it again")
     return data
 
 
 def _list(path: Path, facts: dict, key: str) -> list:
     """The list under a key of the file's ``facts``, empty where the key is missing."""
     if not isinstance(found := facts.get(key, []), list):
-        raise DataError(f"{path}: {key} is not a list; download it again")
+        raise DataError(f"{key} is not a list", file=path, remedy="download it again")
     return found
 
 
@@ -150,7 +152,7 @@ def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
         values = [float(facts[key]) for key in ("fl_x", "fl_y", "cx", "cy")] + [float(facts.get(k, 0.0)) for k in names]
         return Lens.colmap(str(path), model, int(facts["w"]), int(facts["h"]), values)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DataError(f"{path}: has no valid camera ({reason(error)}); download it again") from None
+        raise DataError(f"has no valid camera ({reason(error)})", file=path, remedy="download it again") from None
 
 
 def _pose(folder: Path, frame: dict) -> np.ndarray:
@@ -215,5 +217,5 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
             raise ValueError("no such file")
         lines = path.read_text().splitlines()
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read ({error}); download it again") from None
+        raise DataError(f"cannot be read ({error})", file=path, remedy="download it again") from None
     return [(number, line.split()) for number, line in enumerate(lines, 1) if not line.startswith("#")]

@@ -44,7 +44,7 @@ def read_mesh(path: Path) -> ColouredMesh:
     if faces is not None and len(faces):
         name = next((name for name in _LISTS["face"] if name in (faces.dtype.names or ())), None)
         if name is None or faces[name].ndim != 2:
-            raise DataError(f"{path}: not all faces are triangles; download it again")
+            raise DataError("not all faces are triangles", file=path, remedy="download it again")
         triangles = np.asarray(faces[name], np.int64)
     return ColouredMesh(path, xyz, rgb, triangles)
 
@@ -54,20 +54,21 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     try:
         from plyfile import PlyData, PlyParseError
     except ImportError:
-        raise DataError(f"{path}: plyfile, which reads meshes, is not installed; `{INSTALL_LAB}`") from None
+        raise DataError(f"plyfile, which reads meshes, is not installed; `{INSTALL_LAB}`", file=path) from None
     try:
         data = PlyData.read(str(path), mmap="r", known_list_len=_LISTS)
     except (PlyParseError, UnicodeDecodeError) as error:
         torn = "end-of-file" in str(error) or "early" in str(error)
-        raise DataError(f"{path}: {'truncated' if torn else 'not a PLY file'} ({error}); download it again") from None
+        raise DataError(f"{'truncated' if torn else 'not a PLY file'} ({error})", file=path,
+                        remedy="download it again") from None
     except ValueError as error:  # NumPy's, for a file shorter than its header declares
-        raise DataError(f"{path}: truncated ({error}); download it again") from None
+        raise DataError(f"truncated ({error})", file=path, remedy="download it again") from None
     names = [element.name for element in data.elements]
     if "vertex" not in names or not len(data["vertex"].data):
-        raise DataError(f"{path}: has no vertices; download it again")
+        raise DataError("has no vertices", file=path, remedy="download it again")
     vertices = data["vertex"].data
     if missing := [name for name in ("x", "y", "z", "red", "green", "blue") if name not in (vertices.dtype.names or ())]:
-        raise DataError(f"{path}: its vertices have no {', '.join(missing)}")
+        raise DataError(f"its vertices have no {', '.join(missing)}", file=path)
     return vertices, data["face"].data if "face" in names else None
 
 
@@ -78,7 +79,7 @@ def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
         try:
             keep[np.array(hidden.read_text().split(), np.int64)] = False
         except (ValueError, IndexError) as error:
-            raise DataError(f"{hidden}: not a list of point indices ({error}); download it again") from None
+            raise DataError(f"not a list of point indices ({error})", file=hidden, remedy="download it again") from None
     return Scan(mesh.xyz[keep], mesh.rgb[keep], np.zeros(int(keep.sum()), np.uint8))
 
 
@@ -86,9 +87,9 @@ def scattered_scan(mesh: ColouredMesh, count: int) -> Scan:
     """``count`` points sampled uniformly on the triangles, with a fixed seed and interpolated colours."""
     corners = mesh.triangles
     if not len(corners):
-        raise DataError(f"{mesh.path}: has no triangles to sample points on")
+        raise DataError("has no triangles to sample points on", file=mesh.path)
     if corners.min() < 0 or corners.max() >= len(mesh.xyz):
-        raise DataError(f"{mesh.path}: a face refers to a vertex that does not exist; download it again")
+        raise DataError("a face refers to a vertex that does not exist", file=mesh.path, remedy="download it again")
     a, b, c = (mesh.xyz[corners[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     rng = np.random.default_rng(0)

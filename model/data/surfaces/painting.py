@@ -66,7 +66,8 @@ def load_textures(folder: Path) -> list[np.ndarray]:
                 if (np.asarray(cell).min(2) > 245).mean() < MAX_WHITE:
                     found.append(np.asarray(cell.resize((SIDE, SIDE), Image.Resampling.LANCZOS)))
     if not found:
-        raise DataError(f"--textures {folder}: no thumbnail sheets (*.webp); give ambientCG's, 128 pixels a texture")
+        raise DataError("no thumbnail sheets (*.webp)", option="--textures", value=folder,
+                        remedy="give ambientCG's, 128 pixels a texture")
     return found
 
 

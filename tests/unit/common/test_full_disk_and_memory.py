@@ -83,7 +83,7 @@ def test_lack_of_memory_is_found_behind_another_error(capsys):
             raise cause
         except BaseException:
             try:
-                raise InputError("/a/house.laz: truncated or damaged: copy it again") from None
+                raise InputError("truncated or damaged: copy it again", file="/a/house.laz") from None
             except InputError as error:
                 return error
 

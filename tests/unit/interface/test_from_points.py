@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 import pointglass
-from pointglass.viewer.interface.arguments import in_python
+from pointglass.viewer.common.errors import Option
+from pointglass.viewer.interface.arguments import python_names
 
 COUNT = 3_000
 
@@ -81,16 +82,18 @@ def test_what_does_not_fit_is_refused_in_one_line(given, said):
 
 
 @pytest.mark.parametrize("option, argument", [
-    ("use --filter off, or --quality best.", 'use filter="off", or quality="best".'),
-    ("choose another --quality, or train", "choose another quality, or train"),
-    ("--device cuda: no GPU", 'device="cuda": no GPU'), ("lower --gpu-memory", "lower gpu_memory"),
-    ("render take --no-cache)", "render take cache=False)"), ("a smaller --size, or raise", "a smaller size, or raise"),
-    ("give --columns x,y,z", "give columns x,y,z"), ("see `pointglass --help`", "see `pointglass --help`"),
-    ("--exposures as-scanned", 'exposures="as-scanned"'), ("a--b and a dash -- there", "a--b and a dash -- there"),
-    ("filter strength 0: expected", "filter_strength 0: expected"),
+    (Option("--filter", "off"), 'filter="off"'), (Option("--quality"), "quality"),
+    (Option("--device", "cuda"), 'device="cuda"'),
+    (Option("--gpu-memory"), "gpu_memory"), (Option("--no-cache"), "cache=False"), (Option("--out"), "path"),
+    (Option("--exposures", "as-scanned"), 'exposures="as-scanned"'), (Option("filter strength"), "filter_strength"),
+    (Option("eye-dome lighting"), "eye-dome lighting"),
 ])  # fmt: skip
 def test_messages_name_python_arguments(option, argument):
-    assert in_python(option) == argument
+    error = pointglass.InputError((option, " here"), file="--filter off", option=option, value=1, remedy=("see ", option))
+    with pytest.raises(pointglass.InputError) as caught, python_names():
+        raise error
+    assert str(caught.value) == f"--filter off: {argument} 1: {argument} here; see {argument}"
+    assert str(error) == error.args[0]
 
 
 def test_colours_of_all_points_need_at_most_twice_the_memory_of_the_result():

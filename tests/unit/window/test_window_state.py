@@ -179,7 +179,7 @@ def test_of_several_files_the_bad_ones_are_named_and_the_good_ones_are_shown():
     def opened(paths):
         for path in paths:
             if path in bad:
-                raise InputError(f"{path}: damaged")
+                raise InputError("damaged", file=path)
         return room()
 
     files = [Path(name) for name in ("a.ply", "b.ply", "c.ply", "d.ply")]

@@ -124,7 +124,7 @@ def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: st
 def _check_group(only: str, table: list[Approximation]) -> None:
     groups = list(dict.fromkeys(row.group for row in table))
     if only not in groups:
-        raise InputError(f"--only {only!r}: expected one of {', '.join(groups)}")
+        raise InputError(f"expected one of {', '.join(groups)}", option="--only", value=only)
 
 
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:

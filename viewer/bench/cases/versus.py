@@ -46,13 +46,13 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
     frames: number of cameras along the path; default: FRAMES.  On a CPU, the paper's network and Open3D render each once.
     """
     from ....model.network.reconstruct import cuda_problem
-    from ...common.errors import DeviceError
+    from ...common.errors import DeviceError, Option
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
 
     problem = "not requested" if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
-        raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+        raise DeviceError(problem, option=Option("--device", "cuda"), remedy="see `pointglass doctor`, or use --device cpu")
     device = "cpu" if problem else "cuda"
     scene = subject.scene()
     context = create_context()

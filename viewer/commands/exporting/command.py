@@ -70,13 +70,14 @@ def export(
     check_ending(out)
     target = None if reproject is None else target_of(reproject)
     if out.is_dir() or passes_through(out):
-        raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
+        raise InputError("is not a file that can be replaced", option="--out", value=out, remedy="choose another name")
     if not out.parent.is_dir():
-        raise InputError(f"--out {out}: its folder does not exist; make {out.parent} first")
+        raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
     _check_not_source(selection, out)
     free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, selection)
     if free < needed:
-        raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
+        raise InputError(f"needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}", option="--out", value=out,
+                         remedy="make room")
     losses, written = Losses(), [0]
     for text in about_several(selection.scene.meta.get("warnings") or []):
         losses.add(text)
@@ -88,7 +89,8 @@ def export(
     try:
         write_atomic(out, fill, sources=sources)
     except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out,
+                         remedy="make room, or choose another --out") from None
     if losses and note is not None:
         note(losses.text)
     return written[0]
@@ -97,13 +99,14 @@ def export(
 def _check_not_source(selection: Selection, out: Path) -> None:
     """Raises InputError where the file to write is a scan that is read, by whatever name, or belongs to a grid."""
     if (grid := next((folder for folder in out.resolve().parents if is_grid(folder)), None)) is not None:
-        raise InputError(f"--out {out}: is inside {grid}, a folder made by convert; choose another name")
+        raise InputError(f"is inside {grid}, a folder made by convert", option="--out", value=out, remedy="choose another name")
     for source in selection.scene.meta.get("sources") or []:
         path = Path(source)
         same = out.exists() and path.exists() and os.path.samefile(path, out)
         inside = path.name.lower() in _FOLDER_FILES and path.parent.resolve() in out.resolve().parents
         if same or inside or out.resolve() == path.resolve():
-            raise InputError(f"--out {out}: is the scan itself, or inside its folder; choose another name")
+            raise InputError("is the scan itself, or inside its folder", option="--out", value=out,
+                             remedy="choose another name")
 
 
 def run(options: argparse.Namespace) -> int:

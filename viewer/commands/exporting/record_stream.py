@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...common.progress import progress
 from ...grid.records.point_records import identity_of
 from ...picture.clip import contains
@@ -151,10 +151,8 @@ class SourceRecords:
             return np.empty(0, np.int64)
         records = self.scene.records
         if records is None:
-            raise InputError(
-                "hidden passers-by cannot be left out: this grid does not tell which points of the file they are; "
-                "convert the scan again, or show them"
-            )
+            raise InputError("hidden passers-by cannot be left out: this grid does not tell which points of the file they are",
+                             remedy="convert the scan again, or show them")
         return np.sort(records.numbers(marked.numbers))
 
 
@@ -176,10 +174,9 @@ def _shown_colours(scene: "Scene") -> np.ndarray:
     from ...grid.scene import colours, packed
 
     if scene.records is None:
-        raise InputError(
-            "--exposures matched: this grid does not tell which points of the file its colours belong to; convert the "
-            "scan again, or export the colours of the file"
-        )
+        raise InputError("this grid does not tell which points of the file its colours belong to",
+                         option=Option("--exposures", "matched"),
+                         remedy="convert the scan again, or export the colours of the file")
     found = in_memory("colours", (int(scene.records.first[-1]), 3), np.uint8)
     found[:] = 0
     for start in range(0, scene.count, BLOCK):

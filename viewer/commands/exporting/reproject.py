@@ -50,7 +50,8 @@ def target_of(text: str) -> str:
     except InputError as error:
         raise InputError(f"--reproject {error}, or give auto for the UTM zone of the scan") from None
     if crs.system(code or "").is_geocentric:
-        raise InputError(f"--reproject {code}: geocentric coordinates are not written; give a projected system or auto")
+        raise InputError(f"--reproject {code}: geocentric coordinates are not written",
+                         remedy="give a projected system or auto")
     return code or ""
 
 
@@ -142,8 +143,8 @@ class Reprojected:
         """After the first pass.  Raises InputError where points cannot be transformed.  found: its decimals are set to what
         transformed coordinates are worth.  target: the file's format."""
         if self._failed:
-            raise InputError(f"--reproject {self.code}: {self._failed:,} of {self._seen:,} points cannot be transformed to it; "
-                             "leave them out by --clip, or choose another system")  # fmt: skip
+            raise InputError(f"--reproject {self.code}: {self._failed:,} of {self._seen:,} points cannot be transformed to it",
+                             remedy="leave them out by --clip, or choose another system")  # fmt: skip
         if not self._degrees:
             found.decimals[:2] = np.minimum(found.decimals[:2], _MOST_DECIMALS)
         if self._heights_changed:
@@ -174,18 +175,19 @@ def _stated(scene: "Scene", sources: "Sequence[Source]", losses: Losses) -> str 
     file = Path(next(iter(meta.get("sources") or ["the scan"]))).name
     stated = list(dict.fromkeys(source.crs for source in sources if source.crs))
     if len(stated) > 1 and not meta.get("assigned"):
-        raise InputError(f"--reproject: the files have different coordinate reference systems ({', '.join(stated[:4])}); "
-                         "export each alone")  # fmt: skip
+        raise InputError(f"the files have different coordinate reference systems ({', '.join(stated[:4])})",
+                         option="--reproject", remedy="export each alone")  # fmt: skip
     reference = reference_of(meta, sources, losses) if sources else without_sources(meta)
     if reference.wkt:
         return reference.wkt
     name = meta.get("crs") or next(iter(stated), None)
     if name:
-        raise InputError(f"--reproject: the definition of {name}, which {file} states, cannot be read; assign its EPSG code "
-                         "to the scan in the window and export the project")  # fmt: skip
+        raise InputError(f"the definition of {name}, which {file} states, cannot be read", option="--reproject",
+                         remedy="assign its EPSG code to the scan in the window and export the project")  # fmt: skip
     if meta.get("units") != "degree" and not like_degrees(scene.bounds, next(iter(sources), None)):
-        raise InputError(f"--reproject: {file} states no coordinate reference system and its coordinates are not degrees; "
-                         "assign its EPSG code to the scan in the window and export the project")  # fmt: skip
+        raise InputError(f"{file} states no coordinate reference system and its coordinates are not degrees",
+                         option="--reproject",
+                         remedy="assign its EPSG code to the scan in the window and export the project")  # fmt: skip
     return None
 
 
@@ -197,8 +199,8 @@ def _read(wkt: str, scene: "Scene") -> Any:
             raise ValueError("local coordinates without a place on the Earth")
     except ValueError as error:
         name = scene.meta.get("crs") or "the scan's system"
-        raise InputError(f"--reproject: {name} cannot be transformed ({error}); assign its EPSG code to the scan in the window "
-                         "and export the project") from None  # fmt: skip
+        raise InputError(f"{name} cannot be transformed ({error})", option="--reproject",
+                         remedy="assign its EPSG code to the scan in the window and export the project") from None  # fmt: skip
     return system
 
 
@@ -211,8 +213,8 @@ def _place(source: Any, centre: np.ndarray) -> np.ndarray:
         found = _transformer(_horizontal(source), system).transform(*centre[:2])
     if not (abs(found[0]) <= 360 and abs(found[1]) <= 90):  # PROJ passes degrees on as they are
         around = ", ".join(f"{value:.6g}" for value in centre[:2])
-        raise InputError(f"--reproject: the scan's centre ({around}) is no place in {source.name}; its coordinate reference "
-                         "system is wrong")  # fmt: skip
+        raise InputError(f"the scan's centre ({around}) is no place in {source.name}; its coordinate reference system is wrong",
+                         option="--reproject")  # fmt: skip
     return np.array(found)
 
 
@@ -224,7 +226,8 @@ def _transformer(source: Any, system: Any) -> Any:
     try:
         return Transformer.from_crs(source, system, always_xy=True)
     except ProjError as error:
-        raise InputError(f"--reproject: no transformation leads from {source.name} to {system.name} ({error})") from None
+        raise InputError(f"no transformation leads from {source.name} to {system.name} ({error})",
+                         option="--reproject") from None
 
 
 def _length(system: Any) -> tuple[str, float]:

@@ -29,7 +29,7 @@ from .whole_file import copy_file
 def check_ending(path: Path) -> None:
     """Raises InputError unless the name's ending is known."""
     if path.suffix.lower() not in TARGETS:
-        raise InputError(f"--out {path}: expected a name ending in {', '.join(TARGETS)}")
+        raise InputError(f"expected a name ending in {', '.join(TARGETS)}", option="--out", value=path)
 
 
 def bytes_needed(path: Path, selection: Selection) -> int:

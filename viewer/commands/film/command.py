@@ -73,12 +73,13 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
     cameras = read_cameras(path, size=size)
     own_fps, own_seconds = _timing(path)
     if fps is None and own_fps is not None and own_fps > MOST_FRAMES_A_SECOND:
-        raise InputError(f"{path}: fps {own_fps:g}: expected at most {MOST_FRAMES_A_SECOND}; give --fps")
+        raise InputError(f"fps {own_fps:g}: expected at most {MOST_FRAMES_A_SECOND}", file=path, remedy="give --fps")
     rate = fps or own_fps or FRAMES_A_SECOND
     length = seconds or own_seconds
     count = len(cameras) if length is None else max(1, round(length * rate))
     if count > MOST_FRAMES:
-        raise InputError(f"{path}: {count:,} frames ({length:g} s at {rate:g} a second); at most {MOST_FRAMES:,} can be made")
+        raise InputError(f"{count:,} frames ({length:g} s at {rate:g} a second); at most {MOST_FRAMES:,} can be made",
+                         file=path)
     if count == len(cameras) and seconds is None:
         return [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)], rate
     return interpolate(cameras, count), rate
@@ -96,7 +97,7 @@ def _timing(path: Path) -> tuple[float | None, float | None]:
         value = data.get(key)
         good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < _LARGEST_TIMING
         if value is not None and not good:
-            raise InputError(f"{path}: {key} {value!r:.60}: expected a number above 0")
+            raise InputError(f"{key} {value!r:.60}: expected a number above 0", file=path)
         found.append(None if value is None else float(value))
     return found[0], found[1]
 
@@ -150,11 +151,12 @@ def _describe(scene: "Scene", maker: "FrameMaker", camera: "Camera") -> dict[str
 def check(options: argparse.Namespace) -> None:
     """Raises InputError for options that do not fit together, before the scan is read."""
     if options.resume and options.out.suffix.lower() in MP4:
-        raise InputError(f"--resume: {options.out} is a single file and starts anew; give a folder to --out")
+        raise InputError(f"{options.out} is a single file and starts anew", option="--resume", remedy="give a folder to --out")
     if options.out.suffix.lower() not in MP4 and options.out.suffix and not options.out.is_dir():
-        raise InputError(f"--out {options.out}: {options.out.suffix} is not written; give a name ending in .mp4, or a folder")
+        raise InputError(f"{options.out.suffix} is not written", option="--out", value=options.out,
+                         remedy="give a name ending in .mp4, or a folder")
     if not 1 <= options.supersample <= 4:
-        raise InputError(f"--supersample {options.supersample}: expected 1 to 4")
+        raise InputError("expected 1 to 4", option="--supersample", value=options.supersample)
 
 
 def run(options: argparse.Namespace, settings: "Settings") -> int:

@@ -36,17 +36,17 @@ def write_mp4(path: Path, cameras: Sequence[Camera], draw: Draw, *, size: tuple[
     """Encodes one picture a camera.  Raises InputError where sides are odd (H.264 halves the colour's resolution) or the file
     cannot be written."""
     if size[0] % 2 or size[1] % 2:
-        raise InputError(f"{path}: an MP4 needs even sides, not {size[0]}x{size[1]}; choose another --size, or give a "
-                         "folder for PNGs")
+        raise InputError(f"an MP4 needs even sides, not {size[0]}x{size[1]}", file=path,
+                         remedy="choose another --size, or give a folder for PNGs")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: its folder does not exist; make {path.parent} first")
+        raise InputError("its folder does not exist", file=path, remedy=f"make {path.parent} first")
     with progress(len(cameras), "filming", "frame") as meter:
         pictures = _counted(map(draw, cameras), meter.update)
         try:
             write_atomic(path, lambda beside: _encode(beside, pictures, size, fps))
         except OSError as error:
             why = error.strerror or str(error)
-            raise InputError(f"{path}: cannot be written ({why}); make room, or choose another --out") from None
+            raise InputError(f"cannot be written ({why})", file=path, remedy="make room, or choose another --out") from None
 
 
 def _counted(pictures: Iterable[np.ndarray], update: Callable[[int], None]) -> Iterable[np.ndarray]:
@@ -94,10 +94,10 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
     goes_on = bool(there.intersection(frame_files(cameras)))
     if goes_on:
         if not resume:
-            raise InputError(f"{out}: holds frames already; add --resume to keep them, or choose another --out")
+            raise InputError("holds frames already", file=out, remedy="add --resume to keep them, or choose another --out")
         if (kept := _read(record)) != wanted:
             other = next((key for key in wanted if kept.get(key) != wanted[key]), "content")
-            raise InputError(f"{record}: the frames there were made with another {other}; choose another --out")
+            raise InputError(f"the frames there were made with another {other}", file=record, remedy="choose another --out")
     kept_names = {name for name in there if whole_png(out / name)}
     left = [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
     with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
@@ -109,8 +109,8 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
             try:
                 write_png(inside(out, f"{camera.name}.png"), picture, describe(camera) if describe is not None else None)
             except OSError as error:
-                raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error}); make room, then "
-                                 "go on with --resume") from None
+                raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error})",
+                                 remedy="make room, then go on with --resume") from None
             meter.update(1)
     return len(left)
 
@@ -125,5 +125,5 @@ def _read(record: Path) -> dict:
             raise ValueError
         return found
     except (OSError, ValueError, RecursionError):
-        raise InputError(f"{record}: cannot be read, so that nothing is known of the frames there; remove it to make them "
-                         "again, or choose another --out") from None
+        raise InputError("cannot be read, so that nothing is known of the frames there", file=record,
+                         remedy="remove it to make them again, or choose another --out") from None

@@ -42,7 +42,7 @@ class FrameMaker:
 
     def __post_init__(self) -> None:
         if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
-            raise InputError(f"--supersample {self.supersample}: expected 1 to {LARGEST_SUPERSAMPLE}")
+            raise InputError(f"expected 1 to {LARGEST_SUPERSAMPLE}", option="--supersample", value=self.supersample)
         if self.panorama and self.size[0] != 2 * self.size[1]:
             raise InputError(f"--size {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as 4096x2048")
         object.__setattr__(self, "_composer", Composer(self.renderer.context))

@@ -51,11 +51,11 @@ def run(options: argparse.Namespace) -> int:
     from ....model.network.weights_folder import weights_file
 
     if len(options.data) > 1:
-        raise InputError(f"{options.data[1]}: one scan at a time can be evaluated; evaluate the others separately")
+        raise InputError("one scan at a time can be evaluated", file=options.data[1], remedy="evaluate the others separately")
     if not all(0 < density <= 1 for density in options.densities) or not options.densities:
         raise InputError(f"--densities {' '.join(f'{d:g}' for d in options.densities)}: expected shares above 0 and at most 1")
     if options.views is not None and options.views < 1:
-        raise InputError(f"--views {options.views}: expected at least 1")
+        raise InputError("expected at least 1", option="--views", value=options.views)
     if options.json:
         check_output(options.json)
     if options.plot:
@@ -105,8 +105,8 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
                 rows.append(row)
             meter.update(1)
     if not work.found:
-        raise InputError(f"{path}: no withheld point is visible in {counted(len(viewpoints), 'view')}; open it and check the "
-                         "positions of its points")
+        raise InputError(f"no withheld point is visible in {counted(len(viewpoints), 'view')}", file=path,
+                         remedy="open it and check the positions of its points")
     return {"scan": path.name, "points": len(scan.xyz), "withheld": work.share, "spacing": spacing, "size": list(size),
             "views": [viewpoint.name for viewpoint in viewpoints], "stations": [viewpoint.name for viewpoint in stations],
             "seed": work.seed, "rows": work.rows()}, rows

@@ -30,7 +30,7 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
 
     source = (scene.meta.get("colour") or {}).get("source", "rgb")
     if source != "rgb":
-        raise InputError(f"{path}: its points have no colours (shown by {source}), which the evaluation requires")
+        raise InputError(f"its points have no colours (shown by {source}), which the evaluation requires", file=path)
     share, rng, parts = min(1.0, most / max(scene.count, 1)), np.random.default_rng(seed), []
     for start in range(0, scene.count, 16 * CHUNK):
         xyz, rgb, _, station = unpack(scene, slice(start, min(start + 16 * CHUNK, scene.count)))
@@ -38,6 +38,6 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
         parts.append((xyz[pick], rgb[pick], station[pick]))
     count = sum(len(part[0]) for part in parts)
     if count < LEAST_POINTS:
-        raise InputError(f"{path}: {count} points are too few to withhold some; at least {LEAST_POINTS} are needed")
+        raise InputError(f"{count} points are too few to withhold some; at least {LEAST_POINTS} are needed", file=path)
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     return Scan(xyz, rgb, station, scene.station_places), scene.spacing / share**0.5

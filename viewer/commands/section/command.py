@@ -44,7 +44,7 @@ def parse_scale(text: str) -> float:
     except (ValueError, ZeroDivisionError):
         value = 0.0
     if not (np.isfinite(value) and value > 0):
-        raise InputError(f"--scale {text!r}: expected a scale such as 1:50")
+        raise InputError("expected a scale such as 1:50", option="--scale", value=text)
     return value
 
 
@@ -55,7 +55,7 @@ def parse_line(text: str) -> tuple[np.ndarray, np.ndarray]:
     except ValueError:
         values = np.empty(0)
     if values.shape != (4,) or not np.isfinite(values).all():
-        raise InputError(f"--line {text!r}: expected X1,Y1,X2,Y2 in the scan's coordinates")
+        raise InputError("expected X1,Y1,X2,Y2 in the scan's coordinates", option="--line", value=text)
     return values[:2], values[2:]
 
 
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     check_out(options.out)
     scale = parse_scale(options.scale)
     if not 10 <= options.dpi <= 2400:
-        raise InputError(f"--dpi {options.dpi}: expected 10 to 2400")
+        raise InputError("expected 10 to 2400", option="--dpi", value=options.dpi)
     if options.line is not None:
         parse_line(options.line)
     scene, document = opened(options)

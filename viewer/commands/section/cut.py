@@ -88,7 +88,7 @@ def along_line(first, second, thickness: float, up: Vector = (0.0, 0.0, 1.0)) ->
     way = (ends[1] - ends[0]) @ axes[:, :2].T
     length = float(np.linalg.norm(way))
     if not length > 0:
-        raise InputError("--line: both ends are the same place; give two different places, X1,Y1,X2,Y2")
+        raise InputError("both ends are the same place", option="--line", remedy="give two different places, X1,Y1,X2,Y2")
     right = way / length
     forward = np.cross(axes[:, 2], right)
     near, far = _halves(thickness)
@@ -103,7 +103,7 @@ def _right(forward: np.ndarray, up: np.ndarray) -> Vector:
 
 def _halves(thickness: float) -> tuple[float, float]:
     if not (np.isfinite(thickness) and thickness > 0):
-        raise InputError(f"--thickness {thickness!r}: expected a length above 0, in the scan's units")
+        raise InputError("expected a length above 0, in the scan's units", option="--thickness", value=thickness)
     return -thickness / 2, thickness / 2
 
 

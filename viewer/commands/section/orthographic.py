@@ -64,7 +64,7 @@ def draw(selection: Selection, cut: Cut, pixel: float) -> Drawing:
     width, height = int((high[0] + border - left) / pixel) + 1, int((top - low[1] + border) / pixel) + 1
     if max(width, height) > MAX_SIDE or width * height > MOST_PIXELS:
         raise InputError(f"the drawing would be {width:,}x{height:,} pixels; at most {MAX_SIDE:,} a side and {MOST_PIXELS:,} "
-                         "in all can be drawn; choose a smaller scale (such as 1:200), fewer --dpi or a shorter line")
+                         "in all can be drawn", remedy="choose a smaller scale (such as 1:200), fewer --dpi or a shorter line")
     nearest = np.full((height, width), np.inf)
     for columns, rows, depths, radii, _, _ in points.discs(left, top, pixel, "drawing depth"):
         splat_kernels.nearest_depths(nearest, columns, rows, depths, radii)

@@ -69,7 +69,8 @@ def write_sheet(out: Path, drawing: "Drawing", paper: Paper, scene: "Scene", tit
     try:
         write_atomic(out, lambda beside: beside.write_bytes(data.getvalue()))
     except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out,
+                         remedy="make room, or choose another --out") from None
     width, height = figure.get_size_inches() * INCH * 1000
     return float(width), float(height)
 
@@ -84,11 +85,12 @@ def sheet_picture(drawing: "Drawing", paper: Paper, scene: "Scene", title: str) 
 def check_out(out: Path) -> None:
     """Raises InputError where a sheet cannot be written there."""
     if out.suffix.lower() not in SUFFIXES:
-        raise InputError(f"--out {out}: {out.suffix or 'no ending'} is not written; use {' or '.join(SUFFIXES)}")
+        raise InputError(f"{out.suffix or 'no ending'} is not written", option="--out", value=out,
+                         remedy=f"use {' or '.join(SUFFIXES)}")
     if out.is_dir() or passes_through(out):
-        raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
+        raise InputError("is not a file that can be replaced", option="--out", value=out, remedy="choose another name")
     if not out.parent.is_dir():
-        raise InputError(f"--out {out}: its folder does not exist; make {out.parent} first")
+        raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
 
 
 def _save(figure: "Figure", data: BytesIO, kind: str, paper: Paper) -> None:

@@ -59,4 +59,4 @@ def check_room(work: Path, pixels: int) -> None:
 
     needed, free = (2 * INPUT_CHANNELS + 15) * pixels, shutil.disk_usage(work).free  # bytes: half floats, and the truth
     if needed > 0.9 * free:
-        raise InputError(f"{work.parent}: {needed / 1e9:.1f} GB are needed for training pairs, {free / 1e9:.1f} GB are free")
+        raise InputError(f"{needed / 1e9:.1f} GB are needed for training pairs, {free / 1e9:.1f} GB are free", file=work.parent)

@@ -76,7 +76,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
     with progress(2 * (source.count or 0), f"reading {path.name}", " points") as meter:
         for chunk in source.chunks():
             if chunk.rgb is None:
-                raise InputError(f"{path}: its points have no colours, which are needed to compare the photographs with them")
+                raise InputError("its points have no colours, which are needed to compare the photographs with them", file=path)
             colours.add(0, first, chunk)
             first += len(chunk.xyz)
             meter.update(len(chunk.xyz) + chunk.invalid)
@@ -92,7 +92,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
             meter.update(len(chunk.xyz) + chunk.invalid)
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if len(xyz) < 1000:
-        raise InputError(f"{path}: {len(xyz)} usable points are too few for tuning")
+        raise InputError(f"{len(xyz)} usable points are too few for tuning", file=path)
     return Scan(xyz, rgb, station, station_positions_of(scan.position for scan in source.scans))
 
 
@@ -179,14 +179,12 @@ def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: fl
     compared = [(name, a) for name, a in found
             if np.isfinite(a.correlation) and min(a.picture.width, a.picture.height) >= LEAST_SIDE]  # fmt: skip
     if not compared:
-        raise InputError(f"{path}: none of its {len(photos)} photographs shows enough of its points for training")
+        raise InputError(f"none of its {len(photos)} photographs shows enough of its points for training", file=path)
     middle, offset = (float(np.median([getattr(a, what) for _, a in compared])) for what in ("correlation", "offset"))
     if middle < LEAST_AGREEMENT or offset > MOST_OFFSET:
-        raise InputError(
-            f"{path}: its photographs do not fit its points (median correlation {middle:.2f}, expected at least "
-            f"{LEAST_AGREEMENT}; offset {offset:.0f} pixels, expected at most {MOST_OFFSET:.0f}): they are not registered; "
-            "export the E57 with their poses"
-        )
+        raise InputError(f"its photographs do not fit its points (median correlation {middle:.2f}, expected at least "
+                         f"{LEAST_AGREEMENT}; offset {offset:.0f} pixels, expected at most {MOST_OFFSET:.0f}): they are not "
+                         "registered", file=path, remedy="export the E57 with their poses")
     fitting = []
     for name, a in compared:
         if a.correlation >= LEAST_AGREEMENT and a.offset <= MOST_OFFSET:
@@ -261,7 +259,7 @@ def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photog
     spacing = scan_spacing(points)
     pictures = registered_pictures(path, photos, points, spacing)
     if len(pictures) < 2:
-        raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, one of them held out")
+        raise InputError(f"{len(pictures)} registered photographs; at least two are needed, one of them held out", file=path)
     held = [p for i, p in enumerate(pictures) if i % HELD_OUT_EVERY == HELD_OUT_EVERY // 2] or pictures[-1:]
     learned = [p for p in pictures if all(p is not h for h in held)]
     return Photographs(points, spacing, estimate_noise(points.xyz, points.rgb, points.station), learned, held)

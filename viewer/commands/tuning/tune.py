@@ -55,7 +55,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = DEFAULT, minutes
     shipped = weights_file(quality, filtered=True)
     if not shipped.is_file():
         there = " or ".join(shipped_qualities(trainable=True))
-        raise InputError(f"no weights are shipped for quality {quality!r}; choose {there}")
+        raise InputError(f"no weights are shipped for quality {quality!r}", remedy=f"choose {there}")
     if not (np.isfinite(minutes) and minutes > 0):
         raise InputError(f"--minutes {minutes:g}: expected more than 0")
     material = material_of(scan, seed)

@@ -18,18 +18,15 @@ def check_any_valid(sources: Sequence[Source], counts: CellCounts) -> None:
     """Raises InputError where no point is left."""
     if counts.count:
         return
-    name = sources[0].path if len(sources) == 1 else f"{len(sources)} files"
+    of = sources[0].path if len(sources) == 1 else f"{len(sources)} files"
     lost = sum(counts.dropped)
     if lost and lost == counts.dropped[1]:  # without any other point, the distance is counted from zero
-        raise InputError(
-            f"{name}: all of its {lost:,} points are too far from zero (beyond {FARTHEST:g}) to be places; export it again "
-            "with coordinates in metres"
-        )
+        raise InputError(f"all of its {lost:,} points are too far from zero (beyond {FARTHEST:g}) to be places", file=of,
+                         remedy="export it again with coordinates in metres")
     if lost:
-        raise InputError(
-            f"{name}: none of its {lost:,} points is valid (not finite, marked invalid or too far from zero); export it again"
-        )
-    raise InputError(f"{name}: holds no points; export it again")
+        raise InputError(f"none of its {lost:,} points is valid (not finite, marked invalid or too far from zero)", file=of,
+                         remedy="export it again")
+    raise InputError("holds no points", file=of, remedy="export it again")
 
 
 def drop_warnings(counts: CellCounts) -> list[str]:
@@ -73,10 +70,8 @@ def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: f
         spacing = float(extent / np.sqrt(counts.count)) if extent > 0 else np.inf
     largest = float(np.abs(counts.bounds).max())
     if counts.count > 1 and largest * 2.0**-52 > spacing / 4:
-        raise InputError(
-            f"{sources[0].path}: coordinates up to {largest:.3g} cannot hold a point spacing of {spacing:.3g}; "
-            "subtract an offset from them first"
-        )
+        raise InputError(f"coordinates up to {largest:.3g} cannot hold a point spacing of {spacing:.3g}", file=sources[0].path,
+                         remedy="subtract an offset from them first")
     return [
         f"{source.path.name}: stored in too few digits for coordinates up to {largest:.3g}: positions jump by "
         f"{largest * 2 * source.precision:.2g}; export it with an offset or as double"

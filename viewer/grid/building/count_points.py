@@ -118,4 +118,4 @@ def _prefetched(source: Source) -> Iterator[Chunk]:
                 coming = reader.submit(next, chunks, None)
                 yield chunk
         except OSError as error:
-            raise InputError(f"{source.path}: cannot be read: {error.strerror or error}") from None
+            raise InputError(f"cannot be read: {error.strerror or error}", file=source.path) from None

@@ -62,7 +62,7 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
     records.scans = starts.solve(scans, records.first)
     runs, boxes = blocks.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
-        raise InputError(f"{sources[0].path}: changed while it was read; try again")
+        raise InputError("changed while it was read", file=sources[0].path, remedy="try again")
     return boxes
 
 

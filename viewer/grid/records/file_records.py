@@ -161,7 +161,8 @@ class FileRecords:
         found, why = GatheredColumns(count, name), []
         try:
             if self._records is None:
-                raise InputError("this grid was made by an earlier version, without record numbers; convert the scan again")
+                raise InputError("this grid was made by an earlier version, without record numbers",
+                                 remedy="convert the scan again")
             missing = self._from_files(index, count, found, why)
         except InputError as error:
             why.append(str(error))
@@ -213,7 +214,8 @@ class FileRecords:
         with np.errstate(invalid="ignore"):
             near = np.abs(xyz - expected) <= self._scene.step + 1e-12 * np.abs(expected)
         if not near.all():
-            raise InputError(f"{source.path}: its points are not those that the grid was built from; open the scan again")
+            raise InputError("its points are not those that the grid was built from", file=source.path,
+                             remedy="open the scan again")
 
     def _source(self, number: int) -> "Source | str":
         """The opened file, or why it cannot be read."""
@@ -258,7 +260,8 @@ def _streamed(source: Source, start: int, stop: int, lookup: Lookup, found: Gath
                 yield records, taken + begin, rows
         at += len(records.xyz)
     if at != stop:
-        raise InputError(f"{source.path}: has {at - start:,} points, {stop - start:,} when its grid was built; open it again")
+        raise InputError(f"has {at - start:,} points, {stop - start:,} when its grid was built", file=source.path,
+                         remedy="open it again")
 
 
 def _picked(source: Source, start: int, stop: int, lookup: Lookup, _: GatheredColumns) -> _Pieces:

@@ -87,8 +87,8 @@ class PointRecords:
         with self._checking:
             for chunk in chunks[~self._checked[chunks]].tolist():
                 if sum_of(self.low, self.high, chunk) != self.sums[chunk]:
-                    raise InputError(f"{self.where}: damaged grid (record numbers do not match their checksum); "
-                                     "convert the scan again, or delete the grid")
+                    raise InputError(f"{self.where}: damaged grid (record numbers do not match their checksum)",
+                                     remedy="convert the scan again, or delete the grid")
                 self._checked[chunk] = True
 
 
@@ -139,7 +139,7 @@ def allocated(allocate: Callable[..., np.ndarray], count: int, running: int, sou
     """Room for the running numbers of ``count`` points.  allocate: as viewer.grid.building.two_passes.Allocate.  running:
     points of all ``sources`` sources, those left out included.  Raises InputError beyond 2**40 points."""
     if running > MOST_POINTS:
-        raise InputError(f"{running:,} points: more than 2**40 cannot be opened together; open fewer files")
+        raise InputError(f"{running:,} points: more than 2**40 cannot be opened together", remedy="open fewer files")
     low = allocate("records", (count,), np.uint32)
     high = allocate("records_high", (count,), np.uint8) if running > 1 << _LOW_BITS else None
     return PointRecords(low, high, np.zeros(sources + 1, np.int64))

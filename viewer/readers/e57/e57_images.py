@@ -72,7 +72,7 @@ def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None
             try:
                 photos += _sphere(entry, longest, warnings) if entry.spherical else [_pinhole(entry, longest)]
             except library().E57Exception as error:
-                raise InputError(f"{entry.label}: {first_line(error)}; copy or export it again") from None
+                raise InputError(f"{entry.label}: {first_line(error)}", remedy="copy or export it again") from None
     return photos, warnings
 
 
@@ -136,16 +136,16 @@ def number_of(entry: _Entry, name: str, *, positive: bool = True) -> float:
     value = value_of(node[name]) if node.isDefined(name) else None  # type: ignore[attr-defined, index]
     if value is None or not np.isfinite(value) or (positive and value <= 0):
         stated = "no" if value is None else f"a {name} of {value:g} instead of a usable"
-        raise InputError(f"{entry.label} has {stated} {name}; export it again")
+        raise InputError(f"{entry.label} has {stated} {name}", remedy="export it again")
     return value
 
 
 def _bytes(entry: _Entry, name: str) -> io.BytesIO:
     blob = child(entry.node, name, "Blob")
     if blob is None:
-        raise InputError(f"{entry.label}: its {name} is not a Blob; export it again")
+        raise InputError(f"{entry.label}: its {name} is not a Blob", remedy="export it again")
     if not 0 < blob.byteCount() <= entry.room:
-        raise InputError(f"{entry.label} has a {name} of {blob.byteCount()} bytes; export it again")
+        raise InputError(f"{entry.label} has a {name} of {blob.byteCount()} bytes", remedy="export it again")
     return io.BytesIO(blob.read_buffer().tobytes())
 
 
@@ -158,17 +158,17 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
     kind = kinds.get(data.getvalue()[:2])
     if kind is None:
         head = data.getvalue()[:4]
-        raise InputError(f"{entry.label}: its {name} is neither JPEG nor PNG (first bytes {head!r}); export it again")
+        raise InputError(f"{entry.label}: its {name} is neither JPEG nor PNG (first bytes {head!r})", remedy="export it again")
     try:
         image = kind(data)  # the plug-in itself, without Pillow's own limit, which is lower
     except (OSError, SyntaxError, ValueError, UnidentifiedImageError) as error:
-        raise InputError(f"{entry.label}: its {name} cannot be decoded ({error}); export it again") from None
+        raise InputError(f"{entry.label}: its {name} cannot be decoded ({error})", remedy="export it again") from None
     if image.size[0] * image.size[1] > min(MOST_PIXELS, _LEAST_MOST + _PIXELS_A_BYTE * len(data.getvalue())):
-        raise InputError(f"{entry.label}: {image.size[0]}x{image.size[1]} pixels are more than its bytes, or this "
-                         "program, can hold; export it smaller")
+        raise InputError(f"{entry.label}: {image.size[0]}x{image.size[1]} pixels are more than its bytes, or this program, "
+                         "can hold", remedy="export it smaller")
     if image.size != declared:
         raise InputError(f"{entry.label}: its {name} has {image.size[0]}x{image.size[1]} pixels, its camera "
-                         f"{declared[0]}x{declared[1]}; export it again")  # fmt: skip
+                         f"{declared[0]}x{declared[1]}", remedy="export it again")  # fmt: skip
     return image
 
 
@@ -182,7 +182,7 @@ def decoded(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.n
     node: object = entry.node
     name = next((n for n in ("jpegImage", "pngImage") if node.isDefined(n)), None)  # type: ignore[attr-defined]
     if name is None:
-        raise InputError(f"{entry.label} holds neither a jpegImage nor a pngImage; export it again")
+        raise InputError(f"{entry.label} holds neither a jpegImage nor a pngImage", remedy="export it again")
     image = _header(entry, name, _bytes(entry, name))
     masks = ["imageMask"] if node.isDefined("imageMask") else []  # type: ignore[attr-defined]
     opened = [image, *(_header(entry, n, _bytes(entry, n)) for n in masks)]
@@ -197,7 +197,7 @@ def decoded(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.n
                 raise ValueError(f"a picture of kind {part.mode}, not 8-bit colour")
             part.load()
         except (OSError, SyntaxError, ValueError, EOFError) as error:
-            raise InputError(f"{entry.label}: its {what} cannot be decoded ({error}); export it again") from None
+            raise InputError(f"{entry.label}: its {what} cannot be decoded ({error})", remedy="export it again") from None
         alpha = part.getchannel("A") if number == 0 and part.mode in ("RGBA", "LA") else None
         drafted = [1.0 / round(n / m) if m < n else 1.0 for n, m in zip(full, part.size, strict=True)]
         box = (0, 0, *(min(m, n / s * d) for n, s, d, m in zip(size, scale, drafted, part.size, strict=True)))
@@ -213,10 +213,10 @@ def _pinhole(entry: _Entry, longest: int) -> Photo:
     fx, fy = focal / number_of(entry, "pixelWidth"), focal / number_of(entry, "pixelHeight")
     width, height = number_of(entry, "imageWidth"), number_of(entry, "imageHeight")
     if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
-        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
+        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels", remedy="export it again")
     cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
     if not (-width <= cx <= 2 * width and -height <= cy <= 2 * height):
-        raise InputError(f"{entry.label}: principal point {cx:g}, {cy:g} far outside its picture; export it again")
+        raise InputError(f"{entry.label}: principal point {cx:g}, {cy:g} far outside its picture", remedy="export it again")
     fl = min(fx, fy)  # pixels that are not square are made so
     fl *= min(1.0, longest / max(width * fl / fx, height * fl / fy))
     picture, valid = decoded(entry, (fl / fx, fl / fy))
@@ -234,7 +234,7 @@ def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
         pitch, spans = np.array([2 * np.pi, np.pi]) / full, np.array([2 * np.pi, np.pi])
     if spans[0] > 2 * np.pi * 1.001 or spans[1] > np.pi * 1.001 or spans.min() < _LEAST_SPAN:
         width, height = np.degrees(spans)
-        raise InputError(f"{entry.label} spans {width:.4g} x {height:.4g} degrees; export it again")
+        raise InputError(f"{entry.label} spans {width:.4g} x {height:.4g} degrees", remedy="export it again")
     side = int(min(longest, np.ceil(2 / pitch.max())))
     scale = np.maximum(1, np.rint(full * np.minimum(1.0, pitch * side / 2))) / full  # a face's middle has 2 / side rad a pixel
     picture, valid = decoded(entry, (float(scale[0]), float(scale[1])))

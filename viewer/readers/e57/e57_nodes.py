@@ -42,11 +42,12 @@ def open_e57(path: Path) -> Iterator[Any]:
         file = libe57.ImageFile(os.fsencode(readable(path)), "r")  # a file name may not be valid text
         yield file
     except libe57.E57Exception as error:
-        raise InputError(f"{path}: {first_line(error)}; copy or export it again") from None
+        raise InputError(first_line(error), file=path, remedy="copy or export it again") from None
     except UnicodeDecodeError:  # from the binding, for an error text that quotes damaged bytes
-        raise InputError(f"{path}: damaged: the packing of its points is not readable; copy or export it again") from None
+        raise InputError("damaged: the packing of its points is not readable", file=path,
+                         remedy="copy or export it again") from None
     except RuntimeError as error:
-        raise InputError(f"{path}: cannot be read as E57: {first_line(error)}; copy or export it again") from None
+        raise InputError(f"cannot be read as E57: {first_line(error)}", file=path, remedy="copy or export it again") from None
     finally:
         if file is not None and file.isOpen():
             file.close()
@@ -91,14 +92,15 @@ def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
             continue
         prototype = node.find("{*}prototype")
         if prototype is None:
-            raise InputError(f"{path}: damaged: points without a prototype, so without fields; copy or export it again")
+            raise InputError("damaged: points without a prototype, so without fields", file=path,
+                             remedy="copy or export it again")
         stated = node.get("recordCount", "0").strip()
         if stated.startswith("-"):
-            raise InputError(f"{path}: damaged: {stated[:20]} points; copy or export it again")
+            raise InputError(f"damaged: {stated[:20]} points", file=path, remedy="copy or export it again")
         count = whole_number(stated)
         if count is not None and count > most_points(size, sum(map(bits_of, prototype))):
-            raise InputError(f"{path}: truncated or damaged: {count:,} points do not fit into its {size:,} bytes; copy or "
-                             "export it again")
+            raise InputError(f"truncated or damaged: {count:,} points do not fit into its {size:,} bytes", file=path,
+                             remedy="copy or export it again")
 
 
 def child(node, name: str, kind: str) -> Any:

@@ -133,7 +133,7 @@ class PacketReader:
         return data[at : at + length]
 
     def _damaged(self, what: str) -> InputError:
-        return InputError(f"{self._path}: damaged: {what}; copy or export it again")
+        return InputError(f"damaged: {what}", file=self._path, remedy="copy or export it again")
 
 
 def most_points(size: int, bits: int) -> int:

@@ -84,7 +84,7 @@ def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[Sta
             try:
                 photos.append(_photo(entry, longest))
             except library().E57Exception as error:
-                raise InputError(f"{entry.label}: {first_line(error)}; copy or export it again") from None
+                raise InputError(f"{entry.label}: {first_line(error)}", remedy="copy or export it again") from None
     return photos, warnings
 
 
@@ -111,7 +111,7 @@ def _lens(entry, width: float, height: float) -> tuple[float, float, float, floa
     focal = number_of(entry, "focalLength")
     fx, fy = focal / number_of(entry, "pixelWidth"), focal / number_of(entry, "pixelHeight")
     if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
-        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
+        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels", remedy="export it again")
     cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
     return fx, fy, cx, cy
 
@@ -130,7 +130,7 @@ def _photo(entry, longest: int) -> StationPhoto:
             fy *= number_of(entry, "radius")
             cy = number_of(entry, "principalPointY", positive=False)
         if width / fx > 2 * np.pi * 1.001 or (entry.kind == "spherical" and height / fy > np.pi * 1.001):
-            raise InputError(f"{entry.label} spans {np.degrees(width / fx):.4g} degrees; export it again")
+            raise InputError(f"{entry.label} spans {np.degrees(width / fx):.4g} degrees", remedy="export it again")
     around = entry.kind != "pinhole" and width / fx > 2 * np.pi * 0.999
     share = min(1.0, longest / max(width, height))
     scale = max(1, round(width * share)) / width, max(1, round(height * share)) / height

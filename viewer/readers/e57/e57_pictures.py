@@ -81,16 +81,16 @@ def picture_file(stored: StoredPicture) -> tuple[bytes, str]:
         images = structures(file.root(), "images2D")
         blob = _blob(images[stored.number])[2] if stored.number < len(images) else None
         if blob is None:
-            raise InputError(f"{label} is not there any more; open the scan again")
+            raise InputError(f"{label} is not there any more", remedy="open the scan again")
         if not 0 < blob.byteCount() <= stored.file.stat().st_size:
-            raise InputError(f"{label} has {blob.byteCount()} bytes, which the file does not hold; export it again")
+            raise InputError(f"{label} has {blob.byteCount()} bytes, which the file does not hold", remedy="export it again")
         try:
             data = blob.read_buffer().tobytes()
         except library().E57Exception as error:
-            raise InputError(f"{label}: {first_line(error)}; copy or export it again") from None
+            raise InputError(f"{label}: {first_line(error)}", remedy="copy or export it again") from None
     ending = _ENDINGS.get(data[:2])
     if ending is None:
-        raise InputError(f"{label} is neither JPEG nor PNG (first bytes {data[:4]!r}); export it again")
+        raise InputError(f"{label} is neither JPEG nor PNG (first bytes {data[:4]!r})", remedy="export it again")
     return data, ending
 
 
@@ -107,9 +107,9 @@ def picture_of(stored: StoredPicture, longest: int) -> tuple[np.ndarray, tuple[i
         image = (JpegImagePlugin.JpegImageFile if ending == ".jpg" else PngImagePlugin.PngImageFile)(io.BytesIO(data))
         full = image.size
         if image.mode.startswith(("I", "F")):
-            raise InputError(f"{label} is a picture of kind {image.mode}, not of 8-bit colour; export it again")
+            raise InputError(f"{label} is a picture of kind {image.mode}, not of 8-bit colour", remedy="export it again")
         if full[0] * full[1] > MOST_PIXELS:
-            raise InputError(f"{label}: {full[0]}x{full[1]} pixels, more than {MOST_PIXELS:,}; export it smaller")
+            raise InputError(f"{label}: {full[0]}x{full[1]} pixels, more than {MOST_PIXELS:,}", remedy="export it smaller")
         share = min(1.0, longest / max(full))
         size = max(1, round(full[0] * share)), max(1, round(full[1] * share))
         if ending == ".jpg" and share < 1.0:
@@ -118,7 +118,7 @@ def picture_of(stored: StoredPicture, longest: int) -> tuple[np.ndarray, tuple[i
         rgb = image.convert("RGB")
         return np.asarray(rgb if rgb.size == size else rgb.resize(size, Image.Resampling.BOX)), full
     except (OSError, SyntaxError, ValueError, EOFError, UnidentifiedImageError) as error:
-        raise InputError(f"{label} cannot be decoded ({error}); export it again") from None
+        raise InputError(f"{label} cannot be decoded ({error})", remedy="export it again") from None
 
 
 def pictures_in(sources: list[str]) -> list[StoredPicture]:

@@ -86,9 +86,9 @@ class E57Source(Source):
                 self._add(i, data[i])
         self.count = sum(scan.count for scan in self._scans)
         if not self.scans:
-            raise InputError(f"{path}: holds no scans (an E57 without data3D entries); export it with points")
+            raise InputError("holds no scans (an E57 without data3D entries)", file=path, remedy="export it with points")
         if self.count == 0:
-            raise InputError(f"{path}: holds no points ({counted(len(self.scans), 'empty scan')}); export it again")
+            raise InputError(f"holds no points ({counted(len(self.scans), 'empty scan')})", file=path, remedy="export it again")
         self._ranges: dict[int, tuple[float, float]] = {}
         self._no_returns: dict[int, bool] = {}  # by scan without a state: whether points at the scanner are none
 
@@ -102,7 +102,7 @@ class E57Source(Source):
     def _add(self, number: int, node) -> None:
         libe57 = library()
         if not isinstance(node, libe57.StructureNode):
-            raise InputError(f"{self.path}: damaged: data3D[{number}] is not a Structure; copy or export it again")
+            raise InputError(f"damaged: data3D[{number}] is not a Structure", file=self.path, remedy="copy or export it again")
         name = text_of(node, "name") or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
         if node.isDefined("pose"):
@@ -116,7 +116,7 @@ class E57Source(Source):
         points = child(node, "points", "CompressedVector")
         if points is None and node.isDefined("points"):
             what = f"data3D[{number}]/points is not a CompressedVector"
-            raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
+            raise InputError(f"damaged: {what}", file=self.path, remedy="copy or export it again")
         count = int(points.childCount()) if points is not None else 0
         if points is None or count == 0:
             self._scans.append(_Scan(0, frozenset(), rotation, translation))
@@ -125,7 +125,8 @@ class E57Source(Source):
         fields = [prototype[i] for i in range(prototype.childCount())]
         nodes = {field.elementName(): field for field in fields if is_number(field)}
         if not (set(_CARTESIAN) <= set(nodes) or set(_SPHERICAL) <= set(nodes)):
-            raise InputError(f"{self.path}: {name!r} has neither cartesian nor spherical coordinates; export it again")
+            raise InputError(f"{name!r} has neither cartesian nor spherical coordinates", file=self.path,
+                             remedy="export it again")
         colour = colour_range(node, nodes) if set(_RGB) <= set(nodes) else (0.0, 255.0, True)
         intensity = intensity_range(node, nodes) if "intensity" in nodes else None
         self._scans.append(_Scan(count, frozenset(nodes), rotation, translation, *colour, intensity))
@@ -316,5 +317,5 @@ class E57Source(Source):
                     reader.close()
 
     def _truncated(self, number: int, done: int) -> InputError:
-        return InputError(f"{self.path}: truncated: {done:,} of {self._scans[number].count:,} points of "
-                          f"{self.scans[number].name!r} could be read; copy or export it again")
+        return InputError(f"truncated: {done:,} of {self._scans[number].count:,} points of {self.scans[number].name!r} could "
+                          "be read", file=self.path, remedy="copy or export it again")

@@ -55,7 +55,7 @@ class LasSource(Source):
         copc = any(record.user_id == "copc" for record in records)
         self.format = ("COPC" if copc else "LAZ") if compressed else "LAS"
         if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
-            raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
+            raise InputError(f"coordinate scale {header.scales} is not usable; the header is damaged", file=path)
         (self.crs, self.units, self.metres_per_unit), heights = _reference(records)
         self.heights = heights
         """Unit of heights, where it is stated."""
@@ -66,7 +66,8 @@ class LasSource(Source):
     def _open(self):
         import laspy
 
-        with decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
+        with decoding(lambda why: InputError(f"not readable as LAS/LAZ: {why}", file=self.path,
+                                             remedy="copy or export it again")):
             reader = laspy.open(self.path)
         if reader.header.point_count == 0:  # only the field of earlier versions is filled in
             reader.header.point_count = self._counted
@@ -228,10 +229,8 @@ class LasSource(Source):
 
     def _truncated(self, done: int, why: str = "") -> InputError:
         reason = f" ({why})" if why else ""
-        return InputError(
-            f"{self.path}: truncated or damaged: {done:,} of {self.count:,} points could be read{reason}; "
-            "copy or export it again"
-        )
+        return InputError(f"truncated or damaged: {done:,} of {self.count:,} points could be read{reason}", file=self.path,
+                          remedy="copy or export it again")
 
 
 def _chunk(points, names: set[str]) -> Chunk:
@@ -252,27 +251,28 @@ def _check_header(path: Path) -> int:
     with path.open("rb") as file:
         head = file.read(375)
     if len(head) < 227:
-        raise InputError(f"{path}: truncated in its header ({size} bytes); copy or export it again")
+        raise InputError(f"truncated in its header ({size} bytes)", file=path, remedy="copy or export it again")
     major, minor = head[24], head[25]
     header_size, offset, records, point_format, length, count = struct.unpack_from("<HIIBHI", head, 94)
     compressed = bool(point_format & 0xC0)
     if (major, minor) >= (1, 4) and len(head) >= 255:
         count = struct.unpack_from("<Q", head, 247)[0] or count
     if major != 1 or minor > 5:
-        raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.5 are read")
+        raise InputError(f"LAS version {major}.{minor} is not known; versions 1.0 to 1.5 are read", file=path)
     if minor >= 4 and len(head) >= 255:
         _check_extended(path, size, *struct.unpack_from("<QI", head, 235))
     if header_size < 227 or offset < header_size or records * 54 > offset - header_size:
-        raise InputError(f"{path}: damaged header ({header_size} bytes, {records} records before byte {offset})")
+        raise InputError(f"damaged header ({header_size} bytes, {records} records before byte {offset})", file=path)
     if count == 0:
-        raise InputError(f"{path}: holds no points (its header says 0); export it again")
+        raise InputError("holds no points (its header says 0)", file=path, remedy="export it again")
     if offset >= size:
-        raise InputError(f"{path}: truncated: 0 of {count:,} points could be read; copy or export it again")
+        raise InputError(f"truncated: 0 of {count:,} points could be read", file=path, remedy="copy or export it again")
     if length == 0:
-        raise InputError(f"{path}: its header is damaged (point record of 0 bytes)")
+        raise InputError("its header is damaged (point record of 0 bytes)", file=path)
     readable = (size - offset) // length
     if not compressed and readable < count:
-        raise InputError(f"{path}: truncated: {readable:,} of {count:,} points could be read; copy or export it again")
+        raise InputError(f"truncated: {readable:,} of {count:,} points could be read", file=path,
+                         remedy="copy or export it again")
     return count
 
 
@@ -283,8 +283,8 @@ def _check_extended(path: Path, size: int, place: int, number: int) -> None:
             file.seek(min(place + 20, size))
             place += 60 + int.from_bytes(file.read(8), "little")
             if place > size:
-                raise InputError(f"{path}: truncated: the last of its {number:,} extended records ends beyond its {size:,} "
-                                 "bytes; copy or export it again")
+                raise InputError(f"truncated: the last of its {number:,} extended records ends beyond its {size:,} bytes",
+                                 file=path, remedy="copy or export it again")
 
 
 def _reference(records) -> tuple[crs.Reference, crs.Length | None]:

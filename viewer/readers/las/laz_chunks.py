@@ -39,10 +39,8 @@ def checked_points(path: Path, record: bytes, *, offset: int, length: int, count
         if place < 0:  # the file was written as a stream; the offset is then in the last 8 bytes
             place = _number(file, size - 8, 8)
         if not offset + 8 <= place <= size - 8:
-            raise InputError(
-                f"{path}: truncated: 0 of {count:,} points could be read, the table of chunks that should end it is "
-                "missing; copy or export it again"
-            )
+            raise InputError(f"truncated: 0 of {count:,} points could be read, the table of chunks that should end it is "
+                             "missing", file=path, remedy="copy or export it again")
         room, chunks = place - offset - 8, _number(file, place + 4, 4) % 2**32
         if chunks > room:
             raise _damaged(path, f"states {chunks:,} chunks in {room:,} bytes")
@@ -104,4 +102,4 @@ def _number(file: BinaryIO, place: int, size: int) -> int:
 
 
 def _damaged(path: Path, what: str) -> InputError:
-    return InputError(f"{path}: damaged: {what}; copy or export it again")
+    return InputError(f"damaged: {what}", file=path, remedy="copy or export it again")

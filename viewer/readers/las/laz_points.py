@@ -172,8 +172,8 @@ def _started(path: Path) -> subprocess.Popen:
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, bufsize=0,
                                    start_new_session=True, creationflags=hidden)  # fmt: skip
     except OSError as error:
-        raise InputError(f"{path}: no process can be started that decodes it ({error.strerror or error}); close other "
-                         "programs, or allow more processes and open files") from error  # fmt: skip
+        raise InputError(f"no process can be started that decodes it ({error.strerror or error})", file=path,
+                         remedy="close other programs, or allow more processes and open files") from error  # fmt: skip
     with _lock:
         _all.add(process)
     if process.stdout is not None:

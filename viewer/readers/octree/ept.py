@@ -48,7 +48,7 @@ class EptSource(OctreeSource):
         meta = read_json(path)
         self._data = str(meta.get("dataType"))
         if self._data not in _SUFFIXES:
-            raise InputError(f"{path}: dataType {self._data[:20]!a} is not known; EPT is {', '.join(_SUFFIXES)}")
+            raise InputError(f"dataType {self._data[:20]!a} is not known; EPT is {', '.join(_SUFFIXES)}", file=path)
         self._schema, self._dtype = {}, np.dtype([])
         if self._data != "laszip":
             self._read_schema(meta.get("schema"))
@@ -56,7 +56,7 @@ class EptSource(OctreeSource):
         self._counts = self._hierarchy(str(meta.get("hierarchyType", "json")))
         self.count = sum(self._counts.values())
         if self.count == 0:
-            raise InputError(f"{path}: holds no points; convert the scan again")
+            raise InputError("holds no points", file=path, remedy="convert the scan again")
         for node in self._counts:
             self._check(node)
         stated = whole(meta.get("points"))
@@ -89,7 +89,7 @@ class EptSource(OctreeSource):
     def _hierarchy(self, kind: str) -> dict[str, int]:
         """Number of points by node, from all files of the hierarchy."""
         if kind not in ("json", "gzip"):
-            raise InputError(f"{self.entry}: hierarchyType {kind[:20]!a} is not known; EPT is json, gzip")
+            raise InputError(f"hierarchyType {kind[:20]!a} is not known; EPT is json, gzip", file=self.entry)
         waiting, found, read = ["0-0-0-0"], {}, set()
         while waiting:
             root = waiting.pop()
@@ -115,7 +115,8 @@ class EptSource(OctreeSource):
         except (EOFError, zlib.error, gzip.BadGzipFile):
             raise self._damaged("its gzip data cannot be unpacked", path) from None
         except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None
+            raise InputError(f"cannot be read: {error.strerror or error}", file=path,
+                             remedy="copy the whole folder again") from None
         if len(data) > most:
             raise self._damaged("it is too long for a part of a hierarchy", path)
         return as_object(path, data)
@@ -130,10 +131,11 @@ class EptSource(OctreeSource):
         try:
             size = file.stat().st_size
         except OSError as error:
-            raise InputError(f"{file}: cannot be read: {error.strerror}; copy the whole folder again") from None
+            raise InputError(f"cannot be read: {error.strerror}", file=file, remedy="copy the whole folder again") from None
         if self._data == "binary" and size != count * self._dtype.itemsize:
             have = min(size // self._dtype.itemsize, count)
-            raise InputError(f"{file}: truncated or damaged: {have:,} of {count:,} points could be read; copy it again")
+            raise InputError(f"truncated or damaged: {have:,} of {count:,} points could be read", file=file,
+                             remedy="copy it again")
         if self._data == "zstandard" and not may_unpack(size, count * self._dtype.itemsize):
             raise self._damaged(f"its {size:,} bytes cannot hold {count:,} points", file)
 
@@ -183,8 +185,8 @@ class EptSource(OctreeSource):
         try:
             import zstandard
         except ImportError:
-            raise InputError(f"{self.entry}: its points are compressed with zstandard; pip install zstandard, or convert it to "
-                             "laszip") from None  # fmt: skip
+            raise InputError("its points are compressed with zstandard", file=self.entry,
+                             remedy="pip install zstandard, or convert it to laszip") from None  # fmt: skip
         try:
             yield from pieces(zstandard.ZstdDecompressor(max_window_size=_WINDOW).stream_reader(file), self._dtype)
         except zstandard.ZstdError:

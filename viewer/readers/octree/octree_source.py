@@ -88,7 +88,7 @@ class OctreeSource(ColumnSource):
             self.crs_text = text
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:
-        return InputError(f"{file or self.entry}: damaged: {what}; copy or convert the scan again")
+        return InputError(f"damaged: {what}", file=file or self.entry, remedy="copy or convert the scan again")
 
 
 _NAMES = {"gpstime": "gps_time", "returnnumber": "return_number", "numberofreturns": "number_of_returns",
@@ -115,10 +115,11 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _LARGEST_JSON:
             what = f"{path.stat().st_size:,} bytes are too many for the description of a scan"
-            raise InputError(f"{path}: damaged: {what}; copy or convert the scan again")
+            raise InputError(f"damaged: {what}", file=path, remedy="copy or convert the scan again")
         return as_object(path, path.read_bytes())
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path,
+                         remedy="copy the whole folder again") from None
 
 
 def as_object(path: Path, data: bytes) -> dict[str, Any]:
@@ -127,9 +128,10 @@ def as_object(path: Path, data: bytes) -> dict[str, Any]:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
         line = (str(error).splitlines() or ["nested too deep"])[0][:80]
-        raise InputError(f"{path}: damaged: not readable as JSON ({line}); copy or convert the scan again") from None
+        raise InputError(f"damaged: not readable as JSON ({line})", file=path,
+                         remedy="copy or convert the scan again") from None
     if not isinstance(found, dict):
-        raise InputError(f"{path}: damaged: holds no JSON object; copy or convert the scan again")
+        raise InputError("damaged: holds no JSON object", file=path, remedy="copy or convert the scan again")
     return found
 
 

@@ -40,7 +40,7 @@ class Potree1Source(OctreeSource):
         meta = read_json(path)
         version = re.fullmatch(r"1\.(\d{1,3})(\.\d+)*", str(meta.get("version")))
         if version is None:
-            raise InputError(f"{path}: version {str(meta.get('version'))[:20]!a} is not known; Potree 1.0 to 1.8 are read")
+            raise InputError(f"version {str(meta.get('version'))[:20]!a} is not known; Potree 1.0 to 1.8 are read", file=path)
         self._integers = int(version[1]) > 3
         box = meta.get("boundingBox")
         corners = [vector([box.get(key) for key in keys]) if isinstance(box, dict) else None
@@ -62,14 +62,14 @@ class Potree1Source(OctreeSource):
                     what = f"{file.stat().st_size:,} bytes are not a multiple of its {self._dtype.itemsize} a point"
                     raise self._damaged(what, file)
         if self.count == 0 or not any(True for _ in self._points()):
-            raise InputError(f"{path}: holds no points; copy the whole folder, or convert the scan again")
+            raise InputError("holds no points", file=path, remedy="copy the whole folder, or convert the scan again")
         self._crs(meta.get("projection"))
 
     def _listed(self, folder: Path) -> dict[tuple[str, str], Path]:
         """The files of the octree by name of their node and suffix, in any subfolder: these differ between versions."""
         found = {}
         if not folder.is_dir():
-            raise InputError(f"{folder}: no such folder, it should hold the octree; copy the whole folder again")
+            raise InputError("no such folder, it should hold the octree", file=folder, remedy="copy the whole folder again")
         for place, _, names in os.walk(folder):
             for name in names:
                 if match := _NODE_FILE.fullmatch(name):
@@ -114,8 +114,8 @@ class Potree1Source(OctreeSource):
             nodes = self._from_hrc()
         missing = [name for name, points in nodes.items() if points and (name, self._suffix) not in self._files]
         if missing:
-            raise InputError(f"{self.path}: truncated: {len(missing):,} of {len(nodes):,} nodes have no file, the first is "
-                             f"{missing[0][:40]!a}; copy the whole folder again")  # fmt: skip
+            raise InputError(f"truncated: {len(missing):,} of {len(nodes):,} nodes have no file, the first is "
+                             f"{missing[0][:40]!a}", file=self.path, remedy="copy the whole folder again")  # fmt: skip
         return nodes
 
     def _from_hrc(self) -> dict[str, int]:

@@ -39,7 +39,8 @@ class Potree2Source(OctreeSource):
         meta = read_json(path)
         self._encoding = str(meta.get("encoding", "DEFAULT")).upper()
         if self._encoding not in ("DEFAULT", "UNCOMPRESSED", "BROTLI"):
-            raise InputError(f"{path}: encoding {self._encoding[:20]!a} is not known; convert it with DEFAULT or BROTLI")
+            raise InputError(f"encoding {self._encoding[:20]!a} is not known", file=path,
+                             remedy="convert it with DEFAULT or BROTLI")
         scale, offset = vector(meta.get("scale")), vector(meta.get("offset"))
         if scale is None or offset is None or not scale.all():
             raise self._damaged("its scale and offset are not three numbers each")
@@ -50,7 +51,7 @@ class Potree2Source(OctreeSource):
         self._places, self._depths = self._hierarchy(own_path(path.parent, "hierarchy.bin"), meta.get("hierarchy"))
         self.count = int(self._places["points"].sum(dtype=np.int64))
         if self.count == 0:
-            raise InputError(f"{path}: holds no points; convert the scan again")
+            raise InputError("holds no points", file=path, remedy="convert the scan again")
         stated = whole(meta.get("points"))
         if stated is not None and stated > self.count:
             self._warn(f"{self.path.name}: states {stated:,} points, its octree holds {self.count:,}")
@@ -82,7 +83,7 @@ class Potree2Source(OctreeSource):
             data, size = path.read_bytes(), self._octree.stat().st_size
         except OSError as error:
             name = error.filename or path
-            raise InputError(f"{name}: cannot be read: {error.strerror}; copy the whole folder again") from None
+            raise InputError(f"cannot be read: {error.strerror}", file=name, remedy="copy the whole folder again") from None
         runs, seen, found, levels = [(0, first or 0, 0)], set(), [], []
         while runs:
             place, length, top = runs.pop()
@@ -102,8 +103,8 @@ class Potree2Source(OctreeSource):
         ends = nodes["place"] + nodes["bytes"]
         if len(nodes) and (nodes["place"].min() < 0 or nodes["bytes"].min() < 0 or ends.min() < 0 or ends.max() > size):
             lost = int(nodes["points"][(ends > size) | (ends < 0)].sum(dtype=np.int64))
-            raise InputError(f"{self._octree}: truncated or damaged: nodes with {lost:,} points lie beyond its {size:,} "
-                             "bytes; copy or convert the scan again")  # fmt: skip
+            raise InputError(f"truncated or damaged: nodes with {lost:,} points lie beyond its {size:,} bytes",
+                             file=self._octree, remedy="copy or convert the scan again")  # fmt: skip
         lengths = nodes["points"].astype(np.int64) * self._dtype.itemsize
         if self._encoding == "BROTLI":
             stored = nodes["points"].astype(np.int64) * sum(width for _, width in self._widths())
@@ -150,7 +151,8 @@ class Potree2Source(OctreeSource):
         file.seek(place)
         data = file.read(length)
         if len(data) < length:
-            raise InputError(f"{self._octree}: truncated at byte {place + len(data):,}; copy or convert the scan again")
+            raise InputError(f"truncated at byte {place + len(data):,}", file=self._octree,
+                             remedy="copy or convert the scan again")
         return data
 
     def _unpacked(self, data: bytes, count: int) -> bytes:
@@ -158,8 +160,8 @@ class Potree2Source(OctreeSource):
         try:
             import brotli
         except ImportError:
-            raise InputError(f"{self.entry}: its points are compressed with brotli; pip install brotli, or convert it with "
-                             "encoding DEFAULT") from None  # fmt: skip
+            raise InputError("its points are compressed with brotli", file=self.entry,
+                             remedy="pip install brotli, or convert it with encoding DEFAULT") from None  # fmt: skip
         expected, parts, have = count * sum(width for _, width in self._widths()), [], 0
         unpack = brotli.Decompressor()
         try:

@@ -45,20 +45,20 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     for number in range(1, _MOST_LINES):
         line = file.readline(_LONGEST_LINE)
         if not line.endswith(b"\n"):
-            raise InputError(f"{path}: truncated in its header (line {number}); copy or export it again")
+            raise InputError(f"truncated in its header (line {number})", file=path, remedy="copy or export it again")
         words = line.decode("latin-1").split()
         if not words or words[0].startswith("#"):
             continue
         stated[words[0].upper()] = words[1:]
         if words[0].upper() == "DATA":
             return _header(path, stated, file.tell(), number)
-    raise InputError(f"{path}: PCD header without a DATA line; export it again")
+    raise InputError("PCD header without a DATA line", file=path, remedy="export it again")
 
 
 def _header(path: Path, stated: dict[str, list[str]], offset: int, lines: int) -> Header:
     names = [name.lower() for name in stated.get("FIELDS", stated.get("COLUMNS", []))]
     if not names:
-        raise InputError(f"{path}: PCD header without FIELDS; export it again")
+        raise InputError("PCD header without FIELDS", file=path, remedy="export it again")
     sizes, kinds = stated.get("SIZE", ["4"] * len(names)), stated.get("TYPE", ["F"] * len(names))  # defaults of version 0.5
     counts = stated.get("COUNT", ["1"] * len(names))
     fields: list[Field] = []
@@ -66,19 +66,20 @@ def _header(path: Path, stated: dict[str, list[str]], offset: int, lines: int) -
         try:
             size, kind, count = whole_number(sizes[i]), kinds[i].upper(), whole_number(counts[i])
         except IndexError:
-            raise InputError(f"{path}: its header has no SIZE, TYPE or COUNT for field {name!r}; export it again") from None
+            raise InputError(f"its header has no SIZE, TYPE or COUNT for field {name!r}", file=path,
+                             remedy="export it again") from None
         if size not in _KINDS.get(kind, ()) or count is None or count > _MOST_VALUES:
             shown = ascii(f"SIZE {sizes[i]} TYPE {kinds[i]} COUNT {counts[i]}"[:60])
-            raise InputError(f"{path}: field {name!r} cannot be of {shown}; the header is damaged, export it again")
+            raise InputError(f"field {name!r} cannot be of {shown}; the header is damaged, export it again", file=path)
         if count:  # drivers write padding of no bytes
             fields.append(Field(name, f"{kind.lower()}{size}", count))
     points = _points(path, stated)
     data = (stated["DATA"] or [""])[0].lower()
     if data not in _DATA:
-        raise InputError(f"{path}: DATA {data[:30]!a} is not known; save it as one of {', '.join(_DATA)}")
+        raise InputError(f"DATA {data[:30]!a} is not known", file=path, remedy=f"save it as one of {', '.join(_DATA)}")
     unlike = dict.fromkeys(field.name for field in fields if field.name != "_")
     if sum(field.name != "_" for field in fields) != len(unlike):
-        raise InputError(f"{path}: its header names a field twice ({', '.join(names)[:80]}); export it again")
+        raise InputError(f"its header names a field twice ({', '.join(names)[:80]})", file=path, remedy="export it again")
     return Header(tuple(fields), points, data, _dtype(fields), offset, lines, _viewpoint(stated.get("VIEWPOINT")))
 
 
@@ -87,14 +88,15 @@ def _points(path: Path, stated: dict[str, list[str]]) -> int:
     numbers = {key: whole_number(" ".join(stated[key])) for key in ("POINTS", "WIDTH", "HEIGHT") if key in stated}
     if wrong := next((key for key, value in numbers.items() if value is None), None):
         shown = ascii(" ".join(stated[wrong])[:30])
-        raise InputError(f"{path}: {wrong} {shown} is not a whole number; its header is damaged, export it again")
+        raise InputError(f"{wrong} {shown} is not a whole number; its header is damaged, export it again", file=path)
     found = {key: value for key, value in numbers.items() if value is not None}
     size = found["WIDTH"] * found.get("HEIGHT", 1) if "WIDTH" in found else None
     points = found.get("POINTS", size)
     if points is None:
-        raise InputError(f"{path}: PCD header without POINTS; export it again")
+        raise InputError("PCD header without POINTS", file=path, remedy="export it again")
     if size is not None and size != points:
-        raise InputError(f"{path}: POINTS {points:,} is not WIDTH times HEIGHT, {size:,}; its header is damaged, export again")
+        raise InputError(f"POINTS {points:,} is not WIDTH times HEIGHT, {size:,}; its header is damaged, export again",
+                         file=path)
     return points
 
 

@@ -44,9 +44,9 @@ class PcdSource(ColumnSource):
         self._columns: dict[str, LzfReader] = {}  # of the compressed form: where each begins
         names = {field.name: field for field in header.fields}
         if missing := [axis for axis in "xyz" if axis not in names or names[axis].count != 1]:
-            raise InputError(f"{path}: PCD without {', '.join(missing)} (its fields: {', '.join(names)}); nothing to show")
+            raise InputError(f"PCD without {', '.join(missing)} (its fields: {', '.join(names)}); nothing to show", file=path)
         if self.count == 0:
-            raise InputError(f"{path}: holds no points (its header says 0); export it again")
+            raise InputError("holds no points (its header says 0)", file=path, remedy="export it again")
         self._fields: dict[str, str] = {axis: axis for axis in "xyz"}
         self._rgb = next((name for name in _PACKED
                           if name in names and names[name].type[1:] == "4" and names[name].count == 1), None)
@@ -83,13 +83,13 @@ class PcdSource(ColumnSource):
         packed, whole = int(head[0]), int(head[1])
         if whole != header.points * header.dtype.itemsize or size < 8:
             what = f"{header.points:,} points of {header.dtype.itemsize} bytes do not fill the {whole:,} bytes that follow"
-            raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
+            raise InputError(f"damaged: {what}", file=self.path, remedy="copy or export it again")
         if packed > size - 8:
             what = f"{max(size - 8, 0):,} of {packed:,} bytes of its compressed points are there"
-            raise InputError(f"{self.path}: truncated: {what}; copy or export it again")
+            raise InputError(f"truncated: {what}", file=self.path, remedy="copy or export it again")
         if whole > packed * MOST:
             what = f"{packed:,} compressed bytes cannot hold {whole:,}"
-            raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
+            raise InputError(f"damaged: {what}", file=self.path, remedy="copy or export it again")
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
         yield from self._named(wanted, self._blocks())
@@ -243,8 +243,8 @@ class PcdSource(ColumnSource):
                     reader.skip(header.points * field.count * int(field.type[1:]))
             except DamagedLzf:
                 self._columns.clear()
-                raise InputError(f"{self.path}: damaged: its compressed points cannot be unpacked; copy or export it "
-                                 "again") from None  # fmt: skip
+                raise InputError("damaged: its compressed points cannot be unpacked", file=self.path,
+                                 remedy="copy or export it again") from None  # fmt: skip
         return {name: self._columns[name].copy() for name in names}
 
     def _sampled_compressed(self, names: list[str], points: int, run: int) -> Iterator[Columns]:

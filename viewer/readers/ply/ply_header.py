@@ -56,7 +56,7 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     for number in range(1, _MOST_LINES):
         line = file.readline(_LONGEST_LINE)
         if not line.endswith(b"\n"):
-            raise InputError(f"{path}: truncated in its header (line {number}); copy or export it again")
+            raise InputError(f"truncated in its header (line {number})", file=path, remedy="copy or export it again")
         words = line.decode("latin-1").split()
         match words:
             case ["ply"] if number == 1:
@@ -78,8 +78,8 @@ def read_header(path: Path, file: BinaryIO) -> Header:
                               tuple(comments))
             case _:
                 text = ascii(" ".join(words)[:60])
-                raise InputError(f"{path}: PLY header line {number} not understood: {text}; export it again")
-    raise InputError(f"{path}: PLY header without an end; export it again")
+                raise InputError(f"PLY header line {number} not understood: {text}", file=path, remedy="export it again")
+    raise InputError("PLY header without an end", file=path, remedy="export it again")
 
 
 def _is_count(kind: str) -> bool:

@@ -44,7 +44,7 @@ class PlySource(Source):
             self._header = read_header(path, file)
         names = [element.name for element in self._header.elements]
         if "vertex" not in names:
-            raise InputError(f"{path}: PLY without vertices (elements: {', '.join(names) or 'none'}); nothing to show")
+            raise InputError(f"PLY without vertices (elements: {', '.join(names) or 'none'}); nothing to show", file=path)
         after = self._header.elements[names.index("vertex") + 1 :]
         self._last = not any(element.count for element in after)
         self._before = self._header.elements[: names.index("vertex")]
@@ -52,9 +52,9 @@ class PlySource(Source):
         plain = {p.name.lower(): p for p in self._vertex.properties if not p.length_type}
         self.count = self._vertex.count
         if missing := [axis for axis in "xyz" if axis not in plain]:
-            raise InputError(f"{path}: PLY vertices without {', '.join(missing)}; export it with coordinates")
+            raise InputError(f"PLY vertices without {', '.join(missing)}", file=path, remedy="export it with coordinates")
         if self.count == 0:
-            raise InputError(f"{path}: holds no points (its header says 0); export it again")
+            raise InputError("holds no points (its header says 0)", file=path, remedy="export it again")
         if wkt := next((text[4:] for text in self._header.comments if text.startswith("wkt ")), ""):
             self.crs, self.units, self.metres_per_unit = crs.from_wkt(wkt)
             self.crs_text = wkt
@@ -310,11 +310,10 @@ class PlySource(Source):
             if len(words) < columns and place == done + len(rows) <= (self.count or 0):
                 return self._truncated(place - 1)
             shown = "".join(c if c.isascii() and c.isprintable() else "?" for c in row[:40])
-            return InputError(f"{self.path}: vertex {place:,} is not {columns} numbers: {shown!r}; export it again")
-        return InputError(f"{self.path}: its vertices cannot be read as numbers; export it again")
+            return InputError(f"vertex {place:,} is not {columns} numbers: {shown!r}", file=self.path, remedy="export it again")
+        return InputError("its vertices cannot be read as numbers", file=self.path, remedy="export it again")
 
     def _truncated(self, done: int, where: str = "") -> InputError:
         place = f" ({where})" if where else ""
-        return InputError(
-            f"{self.path}: truncated: {done:,} of {self.count:,} points could be read{place}; copy or export it again"
-        )
+        return InputError(f"truncated: {done:,} of {self.count:,} points could be read{place}", file=self.path,
+                          remedy="copy or export it again")

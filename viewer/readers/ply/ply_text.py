@@ -31,7 +31,7 @@ def lines_of(path: Path, file: BinaryIO) -> Iterator[list[str]]:
     while block := file.read(_BLOCK):
         head, newline, tail = block.rpartition(b"\n")
         if not newline and len(rest) > _BLOCK:
-            raise InputError(f"{path}: says it is ascii but holds no lines of text; export it again")
+            raise InputError("says it is ascii but holds no lines of text", file=path, remedy="export it again")
         if newline:
             yield [line for line in (rest + head).decode("latin-1").split("\n") if line.strip()]
             rest = tail

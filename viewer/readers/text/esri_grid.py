@@ -50,14 +50,15 @@ class EsriGridSource(Source):
         width = self._real(header, "cellsize") if "cellsize" in header else self._real(header, "dx")
         height = self._real(header, "cellsize") if "cellsize" in header else self._real(header, "dy")
         if not (width > 0 and height > 0):
-            raise InputError(f"{path}: its cells have a size of {width:g} x {height:g}; export the grid again")
+            raise InputError(f"its cells have a size of {width:g} x {height:g}", file=path, remedy="export the grid again")
         self._size = np.array([width, height])
         corner = [self._corner(header, axis, size) for axis, size in zip("xy", (width, height), strict=True)]
         self._first = np.array([corner[0], corner[1] + (self._rows - 1) * height])  # the centre of the north-western cell
         self._nodata = self._real(header, "nodata_value") if "nodata_value" in header else _NODATA
         self.count = self._columns * self._rows
         if self.count == 0:
-            raise InputError(f"{path}: a grid of {self._columns} x {self._rows} cells holds no points; export it again")
+            raise InputError(f"a grid of {self._columns} x {self._rows} cells holds no points", file=path,
+                             remedy="export it again")
         if (room := (size - self._begin + 1) // _LEAST_BYTES) < self.count:
             raise self._truncated(room)
         beside = next((file for file in (path.with_suffix(".prj"), path.with_suffix(".PRJ")) if file.is_file()), None)
@@ -81,13 +82,13 @@ class EsriGridSource(Source):
     def _whole(self, header: dict[str, str], name: str) -> int:
         value = whole_number(header.get(name, ""))
         if value is None:
-            raise InputError(f"{self.path}: an ESRI grid whose header has no usable {name}; export it again")
+            raise InputError(f"an ESRI grid whose header has no usable {name}", file=self.path, remedy="export it again")
         return value
 
     def _real(self, header: dict[str, str], name: str) -> float:
         value = number(header.get(name, ""))
         if value is None or (not np.isfinite(value) and name != "nodata_value"):
-            raise InputError(f"{self.path}: an ESRI grid whose header has no usable {name}; export it again")
+            raise InputError(f"an ESRI grid whose header has no usable {name}", file=self.path, remedy="export it again")
         return value
 
     def _corner(self, header: dict[str, str], axis: str, size: float) -> float:
@@ -120,7 +121,7 @@ class EsriGridSource(Source):
                 text = rest + block
                 end = max(text.rfind(mark) for mark in (b" ", b"\n", b"\t", b"\r")) + 1 if block else len(text)
                 if len(text) - end > 100:
-                    raise InputError(f"{self.path}: byte {file.tell():,}: not a number of a grid; export it again")
+                    raise InputError(f"byte {file.tell():,}: not a number of a grid", file=self.path, remedy="export it again")
                 rest = text[end:]
                 tokens = text[:end].split()[:left]
                 left -= len(tokens)
@@ -134,9 +135,10 @@ class EsriGridSource(Source):
             values = [number(token_text(token), "," if b"," in token else ".") for token in tokens]
         if None in values:
             shown = token_text(tokens[values.index(None)])[:20]
-            raise InputError(f"{self.path}: holds {shown!a} where heights of its grid are expected; export it again")
+            raise InputError(f"holds {shown!a} where heights of its grid are expected", file=self.path,
+                             remedy="export it again")
         return np.array(values, np.float64)
 
     def _truncated(self, done: int) -> InputError:
         what = f"{done:,} of {self.count:,} heights of {self._columns:,} x {self._rows:,} cells could be read"
-        return InputError(f"{self.path}: the grid is truncated: {what}; copy or export it again")
+        return InputError(f"the grid is truncated: {what}", file=self.path, remedy="copy or export it again")

@@ -6,7 +6,7 @@ Coordinates are in the common frame.  Each part is a scan without a position.  U
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...common.text import counted, whole_number
 from ..column_source import Columns, ColumnSource
 from ..source import ScanInfo, surplus_warning
@@ -65,11 +65,11 @@ class PtsSource(ColumnSource):
                 self._extents.append((begin, text.position))
             more = line is not None
         if not self._counts:
-            raise InputError(f"{path}: begins with {quoted(line or '')} where a PTS has the number of its points; export it "
-                             "again")  # fmt: skip
+            raise InputError(f"begins with {quoted(line or '')} where a PTS has the number of its points", file=path,
+                             remedy="export it again")  # fmt: skip
         self.count = sum(self._counts)
         if self.count == 0:
-            raise InputError(f"{path}: holds no points (its header says 0); export it again")
+            raise InputError("holds no points (its header says 0)", file=path, remedy="export it again")
         if more:
             self._warn(surplus_warning(path, self.count))
         if len(self._counts) > 1:
@@ -82,15 +82,16 @@ class PtsSource(ColumnSource):
             if fields not in LEICA_COLUMNS:
                 known = ", ".join(map(str, LEICA_COLUMNS))
                 what = f"its rows have {counted(fields, 'value')}, not {known}: {quoted(row or '')}"
-                raise InputError(f"{self.path}: {what}; say what they are, such as --columns x,y,z,i,r,g,b,-")
+                raise InputError(what, file=self.path,
+                                 remedy=("say what they are, such as ", Option("--columns"), " x,y,z,i,r,g,b,-"))
             self._columns = LEICA_COLUMNS[fields]
 
     def _count(self, line: str, most: int) -> int | None:
         """The number of points in a line; None where the line is a row of points."""
         count = whole_number(line)
         if count is not None and count > most:
-            raise InputError(f"{self.path}: says that it holds {count:,} points, which its {self.path.stat().st_size:,} bytes "
-                             "cannot; it is truncated or damaged, copy or export it again")  # fmt: skip
+            raise InputError(f"says that it holds {count:,} points, which its {self.path.stat().st_size:,} bytes cannot; it "
+                             "is truncated or damaged, copy or export it again", file=self.path)  # fmt: skip
         return count
 
     def _record_rows(self) -> Iterator[tuple[int, Columns]]:

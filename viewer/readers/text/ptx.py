@@ -66,7 +66,7 @@ class PtxSource(ColumnSource):
         self.scans = infos if len(infos) > 1 else [ScanInfo(path.stem, info.position) for info in infos]
         self.count = sum(scan.count for scan in self._scans)
         if self.count == 0:
-            raise InputError(f"{path}: holds no points; export it again")
+            raise InputError("holds no points", file=path, remedy="export it again")
 
     def _header(self, text: TextRows) -> tuple[int, np.ndarray]:
         """Reads a header: the number of points of the scan, and its matrix (4, 4)."""
@@ -77,7 +77,8 @@ class PtxSource(ColumnSource):
         count = size[0] * size[1]
         if count > self.path.stat().st_size // LEAST_ROW:
             what = f"scan {len(self._scans) + 1} states {size[0]:,} columns of {size[1]:,} points"
-            raise InputError(f"{self.path}: {what}, more than the file can hold; truncated or damaged, copy or export it again")
+            raise InputError(f"{what}, more than the file can hold; truncated or damaged, copy or export it again",
+                             file=self.path)
         vectors = []
         for numbers in _VECTORS:
             line = text.line()
@@ -91,8 +92,8 @@ class PtxSource(ColumnSource):
 
     def _no_header(self, begin: int, line: str | None = None) -> InputError:
         what = f", {quoted(line)} is not expected there" if line else ""
-        return InputError(f"{self.path}: line {begin:,} does not begin a scan (columns, rows, position, three axes, matrix)"
-                          f"{what}; truncated or damaged, copy or export it again")  # fmt: skip
+        return InputError(f"line {begin:,} does not begin a scan (columns, rows, position, three axes, matrix){what}; "
+                          "truncated or damaged, copy or export it again", file=self.path)  # fmt: skip
 
     @staticmethod
     def _is_pose(matrix: np.ndarray) -> bool:

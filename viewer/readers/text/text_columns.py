@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from .text_header import OTHER, columns_named, header_words, names_angles, words_of
 from .text_numbers import decimal_mark, number
 from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
@@ -53,12 +53,14 @@ def named_columns(path: Path, text: str) -> str:
     """The columns named by ``--columns``, a letter each.  Raises InputError where they are not valid."""
     columns = [word.strip().lower() for word in text.split(",")]
     if wrong := next((word for word in columns if word not in (*COLUMNS, OTHER)), None):
-        raise InputError(f"{path}: --columns {text}: {wrong!r} is none of {', '.join(COLUMNS)} and - (for any other)")
+        raise InputError((Option("--columns"), f" {text}: {wrong!r} is none of {', '.join(COLUMNS)} and - (for any other)"),
+                         file=path)
     joined = "".join(columns)
     twice = next((column for column in COLUMNS if joined.count(column) > 1), None)
     if twice or not set("xyz") <= set(joined) or len(set("rgb") & set(joined)) not in (0, 3):
         why = f"{twice} stands there twice" if twice else "x, y and z are needed, and of r, g, b all or none"
-        raise InputError(f"{path}: --columns {text}: {why}; name every column of the file once, such as x,y,z,i,r,g,b,-")
+        raise InputError((Option("--columns"), f" {text}: {why}"), file=path,
+                         remedy="name every column of the file once, such as x,y,z,i,r,g,b,-")
     return joined
 
 
@@ -70,15 +72,15 @@ def recognise(path: Path, given: str | None = None) -> Layout:
     headers, before, lines = _beginning(path)
     if not lines:
         shown = f", it begins with {quoted(headers[0])}" if headers else ""
-        raise InputError(f"{path}: holds no rows of numbers{shown}; a row is x y z, and i, r g b if known")
+        raise InputError(f"holds no rows of numbers{shown}; a row is x y z, and i, r g b if known", file=path)
     delimiter, decimal = separators(lines)
     counts = [len(fields_of(line, delimiter)) for line in lines]
     count = counts[0] + (delimiter != BLANKS and lines[0].rstrip().endswith(delimiter) and counts[0] + 1 in counts)
     if given is not None:
         rest = given[-1] == OTHER and len(given) < max(counts)
         if count != len(given) and not rest:
-            raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {count}: {quoted(lines[0])}; name "
-                             "every column, those of no use as -")  # fmt: skip
+            raise InputError((Option("--columns"), f" names {len(given)} columns, but a row has {count}: {quoted(lines[0])}"),
+                             file=path, remedy="name every column, those of no use as -")  # fmt: skip
         words = next((found for header in reversed(headers) if (found := words_of(header, delimiter, len(given)))), ())
         return Layout(given, delimiter, before, decimal, rest, words=words)
     named, title = next(((found, header) for header in reversed(headers)
@@ -162,7 +164,7 @@ def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) 
     """(n, count) float64: rows from the beginning, the middle and the end of a file; NaN where a field is not a number."""
     rows = sample_fields(path, delimiter, count, headers)
     if not rows:
-        raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
+        raise InputError("holds no two rows with the same number of values; a row is x y z, and i, r g b if known", file=path)
     nothing = float("nan")
     return np.array([[nothing if (value := number(word, decimal)) is None else value for word in row[:count]] for row in rows])
 

@@ -104,14 +104,15 @@ class TextRows:
         line = self._text[begin : self._text.find(b"\n", at)].decode("latin-1").strip()
         number = self.line_number + 1 + self._text.count(b"\n", self._at, begin)
         if has_decimal_comma(line):
-            return InputError(f"{self.path}: line {number:,} has numbers with a decimal comma: {quoted(line)}; export it with "
-                              "decimal points")  # fmt: skip
+            return InputError(f"line {number:,} has numbers with a decimal comma: {quoted(line)}", file=self.path,
+                              remedy="export it with decimal points")  # fmt: skip
         if fields:
             after = self._text[self._text.find(b"\n", at) + 1 :] + self._rest + self._file.read(1)
             cut = "" if after.strip() else ", the file is truncated"
-            return InputError(f"{self.path}: line {number:,} has {counted(fields[0], 'value')} where {fields[1]} are expected: "
-                              f"{quoted(line)}{cut}; copy or export it again")  # fmt: skip
-        return InputError(f"{self.path}: line {number:,} holds {quoted(line)} where numbers are expected; export it again")
+            return InputError(f"line {number:,} has {counted(fields[0], 'value')} where {fields[1]} are expected: "
+                              f"{quoted(line)}{cut}", file=self.path, remedy="copy or export it again")  # fmt: skip
+        return InputError(f"line {number:,} holds {quoted(line)} where numbers are expected", file=self.path,
+                          remedy="export it again")
 
     def skip_lines(self, lines: int) -> None:
         """Skips to line number ``lines``, counting blank lines and comments."""
@@ -146,7 +147,7 @@ class TextRows:
             self._text, self._rest, self._at = text[:end], text[end:], 0
             if len(self._rest) > _LONGEST_LINE:
                 what = f"line {self.line_number + 1 + self._text.count(bytes([10])):,} has more than {_LONGEST_LINE:,} bytes"
-                raise InputError(f"{self.path}: {what}, it is not a text file of points; export it again")
+                raise InputError(f"{what}, it is not a text file of points", file=self.path, remedy="export it again")
         return True
 
 

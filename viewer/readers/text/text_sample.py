@@ -78,6 +78,6 @@ def _parsed(path: Path, text: bytes, region: TextRegion, begin: int, delimiter: 
     except InputError:  # its line number would count from the block
         table, other = np.zeros((0, 0)), -1
     if other is not None:
-        raise InputError(f"{path}: the {len(text):,} bytes from byte {begin:,} on are not rows of {len(region.target)} "
-                         "numbers; copy or export it again")  # fmt: skip
+        raise InputError(f"the {len(text):,} bytes from byte {begin:,} on are not rows of {len(region.target)} numbers",
+                         file=path, remedy="copy or export it again")  # fmt: skip
     return table

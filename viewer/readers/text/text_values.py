@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from .text_header import OTHER
 
 _UNIT_LENGTH = 0.01  # largest error of a normal's length; chosen by hand: files have two digits or more
@@ -64,8 +64,9 @@ def _recognised(path: Path, table: np.ndarray) -> tuple[str, tuple[str, ...]]:
 
 def unknown_columns(path: Path, why: str) -> InputError:
     """The error about columns that a person must name."""
-    return InputError(f"{path}: {why}; say what its columns are, such as --columns x,y,z,i,r,g,b,- (i: intensity, c: class, -: "
-                      "anything else)")  # fmt: skip
+    return InputError(why, file=path,
+                      remedy=("say what its columns are, such as ", Option("--columns"), " x,y,z,i,r,g,b,- (i: intensity, "
+                              "c: class, -: anything else)"))  # fmt: skip
 
 
 def _leading(table: np.ndarray, numbers: list[int]) -> int:

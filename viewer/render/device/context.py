@@ -67,10 +67,9 @@ def check_not_forked() -> None:
     """Raises DeviceError in a process that was forked from one with OpenGL: the driver's threads are missing, and it would wait
     for them without end."""
     if _process.forked:
-        raise DeviceError(
-            "this process was forked after a picture had been made, and OpenGL does not survive that; start processes with "
-            'multiprocessing.set_start_method("spawn"), or mp_context=multiprocessing.get_context("spawn") of an executor'
-        )
+        raise DeviceError("this process was forked after a picture had been made, and OpenGL does not survive that",
+                          remedy='start processes with multiprocessing.set_start_method("spawn"), or '
+                                 'mp_context=multiprocessing.get_context("spawn") of an executor')
 
 
 def create_context(*, headless: bool = True) -> "moderngl.Context":
@@ -90,10 +89,9 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
         if lacks_room(_DRIVER):  # a driver that cannot be loaded says nothing of memory
             raise MemoryError("no memory to load a graphics driver") from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise DeviceError(
-            f"OpenGL 4.3 is needed and could not be had ({reason}); install a driver, or Mesa's software one "
-            "(apt install libegl1 libgl1-mesa-dri), and see `pointglass doctor`"
-        ) from None
+        raise DeviceError(f"OpenGL 4.3 is needed and could not be had ({reason})",
+                          remedy="install a driver, or Mesa's software one (apt install libegl1 libgl1-mesa-dri), "
+                                 "and see `pointglass doctor`") from None
     _process.opengl = True
     context.gc_mode = None  # type: ignore[assignment]  # every resource here has an owner that releases it
     return context

@@ -2,7 +2,7 @@
 
 import re
 
-from ...common.errors import DeviceError
+from ...common.errors import DeviceError, Option
 
 _OF_DEVICE = re.compile(
     r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR"
@@ -26,10 +26,11 @@ def device_failure(error: BaseException) -> DeviceError | None:
         return error
     name, reason = type(error).__name__, first_line(error)
     if name == "OutOfMemoryError":
-        return DeviceMemoryError(f"the GPU has not enough memory left for the network ({reason}); choose a smaller size or "
-                                 "--quality fast")
+        return DeviceMemoryError(f"the GPU has not enough memory left for the network ({reason})",
+                                 remedy=("choose a smaller size or ", Option("--quality", "fast")))
     if name in _CUDA_TYPES or (isinstance(error, RuntimeError) and _OF_DEVICE.search(reason)):
-        return DeviceError(f"the GPU failed while the network ran ({reason}); start again, or use --device cpu")
+        return DeviceError(f"the GPU failed while the network ran ({reason})",
+                           remedy=("start again, or use ", Option("--device", "cpu")))
     return None
 
 

@@ -63,7 +63,7 @@ class _Slot:
         self._address = self._gl.map(_WRITE, 0, self._size, _MAP)
         self._gl.bind(_WRITE, 0)
         if not self._address:
-            raise DeviceError("the GPU has no memory left for a buffer that the host reads; close other programs")
+            raise DeviceError("the GPU has no memory left for a buffer that the host reads", remedy="close other programs")
 
     def push(self, number: int, parts: "list[tuple[moderngl.Buffer, int, int]]") -> None:
         self._reserve(sum(size for _, _, size in parts))
@@ -82,7 +82,8 @@ class _Slot:
         if self._fence is not None:
             status = self._gl.wait(self._fence, _FLUSH_FIRST, int(timeout * 1e9))
             if status not in _REACHED:
-                raise DeviceLostError(f"the GPU did not answer within {timeout:.0f} s, or was lost; start pointglass again")
+                raise DeviceLostError(f"the GPU did not answer within {timeout:.0f} s, or was lost",
+                                      remedy="start pointglass again")
             self._forget()
         words = (ctypes.c_uint32 * (self._used // 4)).from_address(self._address)
         return np.ctypeslib.as_array(words)

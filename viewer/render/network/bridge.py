@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ....model.network.network_layout import PACKED_IN, PACKED_OUT
-from ...common.errors import DeviceError
+from ...common.errors import DeviceError, Option
 from ..device.self_test import run_self_test
 
 if TYPE_CHECKING:
@@ -31,10 +31,9 @@ def check_room(device: "Device", size: tuple[int, int]) -> None:
     width, height = size
     needed = 2 * PACKED_IN * width * height
     if needed > device.buffer_limit:
-        raise DeviceError(
-            f"a neural picture of {width}x{height} needs a buffer of {needed >> 20} MiB, and this device has "
-            f"{device.buffer_limit >> 20} MiB at most; choose a smaller --size or --view filled"
-        )
+        raise DeviceError(f"a neural picture of {width}x{height} needs a buffer of {needed >> 20} MiB, and this device has "
+                          f"{device.buffer_limit >> 20} MiB at most",
+                          remedy=("choose a smaller ", Option("--size"), " or ", Option("--view", "filled")))
 
 
 class Pixels(Protocol):

@@ -15,7 +15,7 @@ from ....model.network.engines import ENGINES, Runner
 from ....model.network.network_layout import PACKED_IN
 from ....model.network.reconstruct import Reconstructor, cuda_problem
 from ....model.network.weights import WeightsError
-from ...common.errors import DeviceError, DeviceLostError, InputError
+from ...common.errors import DeviceError, DeviceLostError, InputError, Option
 from ..device import shader
 from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
@@ -78,7 +78,8 @@ class NeuralStage:
         self.key: tuple = (quality, filtered, weights, precision, device)
         problem = None if device == "cpu" else cuda_problem()
         if device == "cuda" and problem:
-            raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+            raise DeviceError(problem, option=Option("--device", "cuda"),
+                              remedy=("see `pointglass doctor`, or use ", Option("--device", "cpu")))
         self.device = "cuda" if device != "cpu" and problem is None else "cpu"
         if self.device == "cuda":
             use_matching_device(programs.context)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.errors import DeviceError, InputError, is_opengl_error
+from ...common.errors import DeviceError, InputError, Option, is_opengl_error
 from ...common.text import bytes_text
 from ...grid.scene import CHUNK
 from ...stream.chunk_reader import READ_AHEAD, ChunkReader
@@ -119,10 +119,8 @@ class PointPages:
             return slots
         slots = min(self.budget // chunk_bytes, slots - 1)
         if slots < LEAST_SLOTS:
-            raise InputError(
-                f"{bytes_text(self.budget)} for points on the GPU: expected {bytes_text(LEAST_SLOTS * chunk_bytes)} at least; "
-                "raise --gpu-memory"
-            )
+            raise InputError(f"{bytes_text(self.budget)} for points on the GPU: expected "
+                             f"{bytes_text(LEAST_SLOTS * chunk_bytes)} at least", remedy=("raise ", Option("--gpu-memory")))
         return slots
 
     def _allocated(self, total: int, slots: int) -> int:
@@ -133,7 +131,8 @@ class PointPages:
         """
         while not self._make_pages(total, slots):
             if slots <= LEAST_SLOTS:
-                raise DeviceError("the GPU has no memory left for the points; close other programs or lower --gpu-memory")
+                raise DeviceError("the GPU has no memory left for the points",
+                                  remedy=("close other programs or lower ", Option("--gpu-memory")))
             half = min(self.budget, total * POINT_BYTES) // 2
             refused, self.budget = self.budget, max(half, LEAST_SLOTS * self.chunk_points * POINT_BYTES)
             self.budget_source = "halved, the GPU refused more"

@@ -17,9 +17,8 @@ def make_window(glfw, size: tuple[int, int]):
         return problems[-1] if problems else "no reason given"
 
     if not glfw.init():
-        raise DeviceError(
-            f"no window can be opened ({cause()}); set DISPLAY, or use `pointglass render` which needs no window"
-        )
+        raise DeviceError(f"no window can be opened ({cause()})",
+                          remedy="set DISPLAY, or use `pointglass render` which needs no window")
     glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 4)
     glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
     glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
@@ -34,6 +33,6 @@ def make_window(glfw, size: tuple[int, int]):
     else:
         reason = cause()
         glfw.terminate()
-        raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason}); see `pointglass doctor`")
+        raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason})", remedy="see `pointglass doctor`")
     return window
 

@@ -24,13 +24,13 @@ def load_network(settings: Settings) -> None:
     first neural frame only has to run."""
     from ....model.common.process.torch_process import prepare_inference
     from ....model.network.reconstruct import cuda_problem
-    from ...common.errors import DeviceError
+    from ...common.errors import DeviceError, Option
     from ...render.network import neural
 
     prepare_inference()
     problem = None if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
-        raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
+        raise DeviceError(problem, option=Option("--device", "cuda"), remedy="see `pointglass doctor`, or use the CPU")
     device = "cpu" if settings.device == "cpu" or problem else "cuda"
     for quality in (settings.quality, *smaller_networks(settings)):
         neural.load_network(quality, settings.filter != "off", settings.weights, settings.precision, device)

@@ -49,5 +49,5 @@ def save_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) 
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(f"{path}: cannot be written ({error.strerror or error}); "
-                      "choose a folder that has room and can be written to")
+    return InputError(f"cannot be written ({error.strerror or error})", file=path,
+                      remedy="choose a folder that has room and can be written to")

@@ -109,7 +109,7 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
         except Cancelled:
             raise
         except PointglassError as error:
-            named = [file for file in files if str(error).startswith((str(file), file.name))]
+            named = [file for file in files if error.is_of(file)]
             if len(files) == 1 or not named:
                 raise
             problems.append((named[0], str(error)))

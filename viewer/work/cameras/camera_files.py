@@ -47,24 +47,24 @@ def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Cam
     with np.errstate(all="ignore"):  # what overflows is refused in words, not warned about
         cameras = _read(path, size)
     if not cameras:
-        raise InputError(f"{path}: holds no cameras")
+        raise InputError("holds no cameras", file=path)
     if size is not None:
         try:
             cameras = [camera.resized(*size) for camera in cameras]
         except InputError as error:
-            raise InputError(f"{path}: at size {size[0]}x{size[1]}: {error}") from None
+            raise InputError(f"at size {size[0]}x{size[1]}: {error}", file=path) from None
     return _named(cameras)
 
 
 def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
     refuse_address(path)
     if not path.is_dir() and not path.is_file():
-        raise InputError(f"{path}: no such camera file")
+        raise InputError("no such camera file", file=path)
     for row in CAMERA_FORMATS:
         if (place := row.place(path)) is not None:
             return row.read(place, size)
-    raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in this "
-                     "folder")  # fmt: skip
+    raise InputError("no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in this folder",
+                     file=path)  # fmt: skip
 
 
 def _json_place(path: Path) -> Path | None:
@@ -92,7 +92,7 @@ def _read_colmap(folder: Path, _: tuple[int, int] | None) -> list[Camera]:
             if (folder / f"{there}{suffix}").is_file():
                 raise InputError(f"{folder / missing}{suffix}: no such file; COLMAP cameras need cameras{suffix} and "
                                  f"images{suffix} together")
-    raise InputError(f"{folder}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
+    raise InputError("no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder", file=folder)
 
 
 CAMERA_FORMATS = (
@@ -116,7 +116,7 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
     """
     cameras = list(cameras)
     if not cameras:
-        raise InputError(f"{path}: no cameras to write")
+        raise InputError("no cameras to write", file=path)
     width, height = cameras[0].width, cameras[0].height
     for n, camera in enumerate(cameras):
         where = f"{path}: frame {n} ({shown(camera.name)})"
@@ -156,7 +156,7 @@ def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
         for camera in cameras
     ]  # fmt: skip
     if not frames:
-        raise InputError(f"{path}: no cameras to write")
+        raise InputError("no cameras to write", file=path)
     write_json(path, {"camera_model": "PINHOLE", "frames": frames})
 
 

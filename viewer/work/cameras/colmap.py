@@ -77,10 +77,8 @@ def _skip_points(path: Path, line_number: int, line: str) -> None:
     next image stands here and would be lost without a word."""
     parts = line.split()
     if len(parts) % 3 or (parts and whole_number(parts[-1].removeprefix("-")) is None):
-        raise InputError(
-            f"{path}: line {line_number}: expected the points of the image above (an empty line will do), "
-            f"got {shown(line)}"
-        )
+        raise InputError(f"line {line_number}: expected the points of the image above (an empty line will do), got "
+                         f"{shown(line)}", file=path)
 
 
 def read_lenses(path: Path) -> dict[str, Lens]:
@@ -98,9 +96,10 @@ def read_lenses(path: Path) -> dict[str, Lens]:
         values = numbers(parts[2:], 2 + parameters(parts[1]), f"{where}: {parts[1]}")
         lens = lens_of(where, parts[1], values)
         if lenses.setdefault(parts[0], lens) != lens:
-            raise InputError(f"{where}: camera {shown(parts[0])} is there already, with another lens; give each its own number")
+            raise InputError(f"{where}: camera {shown(parts[0])} is there already, with another lens",
+                             remedy="give each its own number")
     if not lenses:
-        raise InputError(f"{path}: holds no cameras")
+        raise InputError("holds no cameras", file=path)
     return lenses
 
 
@@ -115,6 +114,6 @@ def lens_of(where: str, model: str, values: np.ndarray) -> Lens:
     focals, _ = MODELS[model]
     if values[4 + focals :].any():
         bent = shown(values[4 + focals :].tolist())
-        raise InputError(f"{where}: distortion {bent} is not supported; run `colmap image_undistorter` first")
+        raise InputError(f"{where}: distortion {bent} is not supported", remedy="run `colmap image_undistorter` first")
     cx, cy = values[2 + focals : 4 + focals]
     return checked(where, Lens(values[0], values[1], values[2], values[1 + focals], cx, cy))

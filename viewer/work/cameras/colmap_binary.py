@@ -30,12 +30,12 @@ class _Reader:
         try:
             self.data = path.read_bytes()
         except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+            raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
 
     def _check(self, size: int, what: str) -> None:
         if size > len(self.data) - self.at:
-            raise InputError(f"{self.path}: ends at byte {len(self.data)} within {what}; the file is cut off, or is no "
-                             "COLMAP model")
+            raise InputError(f"ends at byte {len(self.data)} within {what}; the file is cut off, or is no COLMAP model",
+                             file=self.path)
 
     def take(self, layout: str, what: str) -> tuple:
         """The next values of a struct layout.  Raises InputError where the file ends before."""
@@ -53,14 +53,14 @@ class _Reader:
         """A text that ends with a zero byte."""
         end = self.data.find(b"\0", self.at, self.at + _LONGEST_NAME)
         if end < 0:
-            raise InputError(f"{self.path}: the name of {what} has no end; the file is cut off or no COLMAP model")
+            raise InputError(f"the name of {what} has no end; the file is cut off or no COLMAP model", file=self.path)
         text = self.data[self.at : end].decode("utf-8", "replace")
         self.at = end + 1
         return text
 
     def finish(self) -> None:
         if self.at != len(self.data):
-            raise InputError(f"{self.path}: {len(self.data) - self.at} bytes follow its last entry; the file is damaged")
+            raise InputError(f"{len(self.data) - self.at} bytes follow its last entry; the file is damaged", file=self.path)
 
 
 def read_binary_model(folder: Path) -> list[Camera]:
@@ -98,8 +98,8 @@ def _read_lenses(path: Path) -> dict[int, Lens]:
         values = numbers([width, height, *reader.take(f"{parameters(model)}d", what)], 2 + parameters(model), where)
         lens = lens_of(where, model, np.asarray(values))
         if lenses.setdefault(number, lens) != lens:
-            raise InputError(f"{where}: is there already, with another lens; give each its own number")
+            raise InputError(f"{where}: is there already, with another lens", remedy="give each its own number")
     reader.finish()
     if not lenses:
-        raise InputError(f"{path}: holds no cameras")
+        raise InputError("holds no cameras", file=path)
     return lenses

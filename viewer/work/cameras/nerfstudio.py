@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...picture.camera import Camera
 from .parse import Lens, camera, json_numbers, number, pose_matrix, read_text, shown
 
@@ -26,18 +26,17 @@ def read_json(path: Path, size: tuple[int, int] | None) -> list[Camera]:
     try:
         data = json.loads(text)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}: not JSON (line {error.lineno}: {error.msg})") from None
+        raise InputError(f"not JSON (line {error.lineno}: {error.msg})", file=path) from None
     except (ValueError, RecursionError):  # thousands of digits, thousands of brackets
-        raise InputError(f"{path}: not JSON of any camera file") from None
+        raise InputError("not JSON of any camera file", file=path) from None
     if isinstance(data, dict) and isinstance(data.get("frames"), list):
         undo = _undone(path, data)
         return [_picture(path, data, frame, n, size, undo) for n, frame in enumerate(data["frames"])]
     if isinstance(data, dict) and isinstance(data.get("camera_path"), list):
         return [_path_frame(path, data, frame, n, size) for n, frame in enumerate(data["camera_path"])]
     keys = f"keys {', '.join(map(shown, list(data)[:5])) or '(none)'}" if isinstance(data, dict) else shown(data)
-    raise InputError(
-        f'{path}: neither a transforms.json (a list "frames") nor a camera_path.json (a list "camera_path"): {keys}'
-    )
+    raise InputError(f'neither a transforms.json (a list "frames") nor a camera_path.json (a list "camera_path"): {keys}',
+                     file=path)
 
 
 def _undone(path: Path, data: dict) -> np.ndarray | None:
@@ -47,12 +46,13 @@ def _undone(path: Path, data: dict) -> np.ndarray | None:
     applied = np.eye(4)
     if (rows := data.get("applied_transform")) is not None:
         if not isinstance(rows, list) or len(rows) not in (3, 4):
-            raise InputError(f"{path}: applied_transform: expected 3 or 4 rows of 4 numbers, got {shown(rows)}")
+            raise InputError(f"applied_transform: expected 3 or 4 rows of 4 numbers, got {shown(rows)}", file=path)
         applied = pose_matrix(rows if len(rows) == 4 else [*rows, [0, 0, 0, 1]], f"{path}: applied_transform")
     scale = number(data, "applied_scale", str(path)) if data.get("applied_scale") is not None else 1.0
     applied[:3] *= scale
     if not scale > 0 or not abs(np.linalg.det(applied)) > 0:
-        raise InputError(f"{path}: applied_transform and applied_scale ({scale:g}) cannot be taken back; remove them")
+        raise InputError(f"applied_transform and applied_scale ({scale:g}) cannot be taken back", file=path,
+                         remedy="remove them")
     if np.array_equal(applied, np.eye(4)):
         return None
     _log.warning("%s: cameras are taken back by its applied_transform to the coordinates before ns-process-data", path)
@@ -63,17 +63,18 @@ def _refuse_bent(both: dict, where: str) -> None:
     """A distorted or fisheye picture drawn as a pinhole would be wrong everywhere, so it is refused by name."""
     for key in ("camera_model", "camera_type"):
         if (model := str(both.get(key, "PINHOLE"))).upper() not in _MODELS:
-            raise InputError(f"{where}: {key} {shown(model)} is not supported; undistort the pictures to PINHOLE first")
+            raise InputError(f"{where}: {key} {shown(model)} is not supported",
+                             remedy="undistort the pictures to PINHOLE first")
     for key in ("is_fisheye", "is_equirectangular"):
         if both.get(key):
-            raise InputError(f"{where}: {key} {shown(both[key])} is not supported; undistort the pictures first")
+            raise InputError(f"{where}: {key} {shown(both[key])} is not supported", remedy="undistort the pictures first")
     for key in _DISTORTION:
         if key in both and (value := number(both, key, where)) != 0:
-            raise InputError(f"{where}: distortion {key} = {value:g} is not supported; undistort the pictures first")
+            raise InputError(f"{where}: distortion {key} = {value:g} is not supported", remedy="undistort the pictures first")
     listed = both.get("distortion_params")
     values = list(listed.values()) if isinstance(listed, dict) else listed if isinstance(listed, list) else [listed]
     if listed is not None and any(json_numbers(values, len(values), f"{where}: distortion_params")):
-        raise InputError(f"{where}: distortion_params {shown(listed)} is not supported; undistort the pictures first")
+        raise InputError(f"{where}: distortion_params {shown(listed)} is not supported", remedy="undistort the pictures first")
 
 
 def _focal(side: float, angle: float) -> float:
@@ -91,7 +92,7 @@ def _from_angle(both: dict, key: str, side: float, where: str) -> float:
 def _picture(path: Path, shared: dict, frame: object, index: int, size: tuple[int, int] | None,
              undo: np.ndarray | None) -> Camera:  # fmt: skip
     if not isinstance(frame, dict):
-        raise InputError(f"{path}: frame {index} is not an object: {shown(frame)}")
+        raise InputError(f"frame {index} is not an object: {shown(frame)}", file=path)
     name = Path(str(frame.get("file_path") or f"frame_{index:05d}").replace("\\", "/")).stem
     where = f"{path}: frame {index} ({shown(name)})"
     both = {**shared, **frame}
@@ -139,7 +140,7 @@ def _size_of(path: Path, frame: dict) -> tuple[int, int] | None:
 
 def _path_frame(path: Path, shared: dict, frame: object, index: int, size: tuple[int, int] | None) -> Camera:
     if not isinstance(frame, dict):
-        raise InputError(f"{path}: frame {index} is not an object: {shown(frame)}")
+        raise InputError(f"frame {index} is not an object: {shown(frame)}", file=path)
     name = str(frame.get("name") or f"frame_{index:05d}")
     where = f"{path}: frame {index} ({shown(name)})"
     _refuse_bent({**shared, **frame}, where)
@@ -154,6 +155,6 @@ def _path_frame(path: Path, shared: dict, frame: object, index: int, size: tuple
     elif size is not None:
         width, height = size
     else:
-        raise InputError(f"{path}: holds no render_width and render_height; give --size")
+        raise InputError("holds no render_width and render_height", file=path, remedy=("give ", Option("--size")))
     focal = _focal(height, np.radians(fov))
     return camera(where, Lens(width, height, focal, focal, width / 2, height / 2), matrix, name)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...picture.camera import Camera
 
 DENSE = 256
@@ -32,12 +32,12 @@ def interpolate(keys: Sequence[Camera], count: int) -> list[Camera]:
     rounding.  Raises InputError where sizes differ.
     """
     if count < 1:
-        raise InputError(f"{count} frames: a path has at least one; choose a longer --seconds")
+        raise InputError(f"{count} frames: a path has at least one", remedy=("choose a longer ", Option("--seconds")))
     first = keys[0]
     for key in keys:
         if (key.width, key.height) != (first.width, first.height):
-            raise InputError(f"camera path: keyframe {key.name!r} is {key.width}x{key.height}, the first {first.width}x"
-                             f"{first.height}; give --size")
+            raise InputError(f"camera path: keyframe {key.name!r} is {key.width}x{key.height}, the first "
+                             f"{first.width}x{first.height}", remedy=("give ", Option("--size")))
     if len(keys) == 1 or count == 1:
         return [_named(first, number) for number in range(count)]
     curve = _Curve(keys)

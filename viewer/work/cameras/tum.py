@@ -43,12 +43,11 @@ def _lens_beside(path: Path, size: tuple[int, int] | None) -> Lens:
             return _intrinsics(path.with_name(name), size)
     colmap = path.with_name("cameras.txt")
     if not colmap.is_file():
-        raise InputError(
-            f"{path}: a trajectory needs intrinsics beside it; add intrinsics.txt with `fx fy cx cy width height`"
-        )
+        raise InputError("a trajectory needs intrinsics beside it", file=path,
+                         remedy="add intrinsics.txt with `fx fy cx cy width height`")
     lenses = list(read_lenses(colmap).values())
     if len(lenses) > 1:
-        raise InputError(f"{colmap}: holds {len(lenses)} cameras; for the trajectory {path.name} leave only its own")
+        raise InputError(f"holds {len(lenses)} cameras; for the trajectory {path.name} leave only its own", file=colmap)
     return lenses[0]
 
 
@@ -57,7 +56,7 @@ def _intrinsics(path: Path, size: tuple[int, int] | None) -> Lens:
     text = " ".join(line for line in read_text(path).split("\n") if not line.lstrip().startswith("#"))
     words = text.replace(",", " ").split()
     if len(words) not in (4, 6, 9, 11):
-        raise InputError(f"{path}: expected `fx fy cx cy [width height]` or a 3x3 matrix, got {len(words)} numbers")
+        raise InputError(f"expected `fx fy cx cy [width height]` or a 3x3 matrix, got {len(words)} numbers", file=path)
     values = numbers(words, len(words), str(path))
     if len(values) < 9:
         (fx, fy, cx, cy), rest = values[:4], values[4:]
@@ -65,9 +64,9 @@ def _intrinsics(path: Path, size: tuple[int, int] | None) -> Lens:
         matrix, rest = values[:9].reshape(3, 3), values[9:]
         if not np.array_equal([*matrix[[0, 1, 2, 2], [1, 0, 0, 1]], matrix[2, 2]], [0, 0, 0, 0, 1]):
             # nine numbers may also be a lens and its distortion
-            raise InputError(f"{path}: {shown(matrix.tolist())} is not a matrix fx 0 cx, 0 fy cy, 0 0 1")
+            raise InputError(f"{shown(matrix.tolist())} is not a matrix fx 0 cx, 0 fy cy, 0 0 1", file=path)
         fx, fy, cx, cy = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
     width, height = rest if len(rest) else size or np.rint([2 * cx, 2 * cy])
     if not np.isfinite([width, height]).all():
-        raise InputError(f"{path}: principal point ({cx:g}, {cy:g}) is out of any picture")
+        raise InputError(f"principal point ({cx:g}, {cy:g}) is out of any picture", file=path)
     return checked(str(path), Lens(width, height, fx, fy, cx, cy))

@@ -20,14 +20,14 @@ def png_text(path: Path, keyword: str) -> str | None:
     try:
         with path.open("rb") as file:
             if file.read(len(_SIGNATURE)) != _SIGNATURE:
-                raise InputError(f"{path}: is no readable PNG")
+                raise InputError("is no readable PNG", file=path)
             return _text_in(path, file, keyword.encode("latin-1"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
 
 
 def _text_in(path: Path, file: BinaryIO, keyword: bytes) -> str | None:
-    damaged = InputError(f"{path}: is no readable PNG, it is damaged; copy it again")
+    damaged = InputError("is no readable PNG, it is damaged", file=path, remedy="copy it again")
     while True:
         head = file.read(8)
         if len(head) < 8:

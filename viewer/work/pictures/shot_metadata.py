@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from ... import __version__
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...common.file_names import leads_elsewhere
 from ...common.text import printable
 from ...picture.camera import Camera
@@ -95,7 +95,7 @@ def parse_camera_line(text: str) -> Camera:
     try:
         found = json.loads(text)["pointglass camera"]
     except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
-        raise InputError("this text is no camera; copy one from pointglass first") from None
+        raise InputError("this text is no camera", remedy="copy one from pointglass first") from None
     return camera_from_json(found, "the copied camera")
 
 
@@ -108,21 +108,23 @@ def read_shot(path: Path) -> Shot:
     """The description inside a PNG.  Raises InputError where there is none, or it is damaged."""
     text = png_text(path, KEY)
     if text is None:
-        raise InputError(f"{path}: does not say how it was made; give a PNG that render, F12, `video --out DIR` or Python's "
-                         "save wrote, or --cameras")
-    damaged = InputError(f"{path}: its description is damaged; give --cameras instead")
+        raise InputError("does not say how it was made", file=path,
+                         remedy=("give a PNG that render, F12, `video --out DIR` or Python's save wrote, or ",
+                                 Option("--cameras")))
+    damaged = InputError("its description is damaged", file=path, remedy=("give ", Option("--cameras"), " instead"))
     try:
         found = json.loads(text, parse_constant=_no_number)
         if isinstance(shows := found.get("shows"), str):
-            raise InputError(f"{path}: shows {shows:.80}, and --like draws pictures of one camera, as render makes them; give "
-                             "another PNG, or --cameras")
+            raise InputError((f"shows {shows:.80}, and ", Option("--like"),
+                              " draws pictures of one camera, as render makes them"), file=path,
+                             remedy=("give another PNG, or ", Option("--cameras")))
         texts = [found[key] for key in ("background", "exposures", "weights", "version")]
         if not all(isinstance(text, str) for text in [*texts, *found["scans"]]):
             raise damaged
         background, exposures, weights, version = texts
         if background not in BACKGROUNDS or exposures not in EXPOSURES:
-            raise InputError(f"{path}: its background {background!r:.40} or exposures {exposures!r:.40} are unknown; it "
-                             f"was made by pointglass {version!r:.40}, this is {__version__}")
+            raise InputError(f"its background {background!r:.40} or exposures {exposures!r:.40} are unknown; it was made by "
+                             f"pointglass {version!r:.40}, this is {__version__}", file=path)
         raster = found.get("raster", "")  # pictures of before it was kept have none
         if raster not in ("", *TIMED):
             raise damaged
@@ -131,12 +133,13 @@ def read_shot(path: Path) -> Shot:
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
         raise damaged from None
     except InputError as error:
-        raise (error if str(path) in str(error) else InputError(f"{path}: its description is damaged ({error})")) from None
+        raise (error if str(error.file) == str(path) else
+               InputError(f"its description is damaged ({error})", file=path)) from None  # fmt: skip
     if any(unicodedata.category(c) == "Cc" for text in (*texts, *shot.scans, shot.spec.camera.name) for c in text):
         raise damaged  # what describe_shot writes prints
     if leads_elsewhere(shot.spec.camera.name):
-        raise InputError(f"{path}: its camera is called {shot.spec.camera.name!r:.60}, which leads out of a folder; pointglass "
-                         "did not make this picture")
+        raise InputError(f"its camera is called {shot.spec.camera.name!r:.60}, which leads out of a folder; pointglass did "
+                         "not make this picture", file=path)
     if not 0 <= shot.points < 1 << 63:
         raise damaged
     return shot

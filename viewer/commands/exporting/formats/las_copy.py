@@ -171,10 +171,9 @@ def _check_waveforms(stream: SourceRecords, layouts: list[LasLayout], compressed
         _, records = next(source.native_chunks())
         records = records[:_FIRST]
         if packed and len(np.unique(records["classification_flags"] >> _CHANNEL & 3)) > 1:
-            raise InputError(
-                f"{layout.path}: waveform fields of point format {layout.point_format} with several scanner channels are not "
-                "decoded right here; unpack it with LAStools (laszip -i NAME.laz -o NAME.las) and export that"
-            )
+            raise InputError(f"waveform fields of point format {layout.point_format} with several scanner channels are not "
+                             "decoded right here", file=layout.path,
+                             remedy="unpack it with LAStools (laszip -i NAME.laz -o NAME.las) and export that")
         if compressed:
             lazrs: Any = import_module("lazrs")
             described, made = _compression(lazrs, layout), io.BytesIO()
@@ -193,10 +192,8 @@ def _check(out: BinaryIO, offset: int, described: Any, expected: Iterator[np.nda
         found = np.empty(records.nbytes, np.uint8)
         decompressor.decompress_many(found)
         if found.tobytes() != records.tobytes():
-            raise InputError(
-                f"{layout.path}: point format {layout.point_format} with alternating scanner channels is not compressed "
-                "without loss here; give --out a name that ends in .las"
-            )
+            raise InputError(f"point format {layout.point_format} with alternating scanner channels is not compressed "
+                             "without loss here", file=layout.path, remedy="give --out a name that ends in .las")
 
 
 def _compression(lazrs: Any, layout: LasLayout) -> Any:
@@ -204,9 +201,8 @@ def _compression(lazrs: Any, layout: LasLayout) -> Any:
     try:
         return lazrs.LazVlr.new_for_compression(layout.point_format, layout.length - standard[layout.point_format])
     except (lazrs.LazrsError, KeyError):
-        raise InputError(
-            f"{layout.path}: point format {layout.point_format} cannot be compressed here; give --out a name that ends in .las"
-        ) from None
+        raise InputError(f"point format {layout.point_format} cannot be compressed here", file=layout.path,
+                         remedy="give --out a name that ends in .las") from None
 
 
 def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, common) -> Iterator[np.ndarray]:
@@ -241,7 +237,7 @@ def _placed(records: np.ndarray, layout: LasLayout, scales: np.ndarray, offsets:
     for axis, name in enumerate("XYZ"):
         values = records[name].astype(np.int64) * factors[axis] + steps[axis]
         if len(values) and max(-int(values.min()), int(values.max())) > 2**31 - 1:
-            raise InputError(f"{layout.path}: has points outside the bounds in its header; export it alone")
+            raise InputError("has points outside the bounds in its header", file=layout.path, remedy="export it alone")
         records[name] = values
     return records
 

@@ -40,7 +40,7 @@ class FilmJob:
         from ....render.renderer import Renderer
 
         if self.scene is None or not self.cameras:
-            raise InputError("a film needs a scan and a keyframe; add a keyframe first")
+            raise InputError("a film needs a scan and a keyframe", remedy="add a keyframe first")
         if self.settings.view == "neural":
             from .....model.common.process.torch_process import prepare_inference
 
