@@ -100,8 +100,7 @@ class E57Source(Source):
             self.warnings.append(f"{self.path.name}: coordinateMetadata is in {unit}: {said}")
 
     def _add(self, number: int, node) -> None:
-        libe57 = library()
-        if not isinstance(node, libe57.StructureNode):
+        if not isinstance(node, library().StructureNode):
             raise InputError(f"damaged: data3D[{number}] is not a Structure", file=self.path, remedy="copy or export it again")
         name = text_of(node, "name") or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
@@ -121,7 +120,7 @@ class E57Source(Source):
         if points is None or count == 0:
             self._scans.append(_Scan(0, frozenset(), rotation, translation))
             return
-        prototype = libe57.StructureNode(points.prototype())
+        prototype = library().StructureNode(points.prototype())
         fields = [prototype[i] for i in range(prototype.childCount())]
         nodes = {field.elementName(): field for field in fields if is_number(field)}
         if not (set(_CARTESIAN) <= set(nodes) or set(_SPHERICAL) <= set(nodes)):
