@@ -2,7 +2,8 @@
 
 A mode shows one of the values that the rasterisers know of a point (PointValue), through a colour ramp or a colour for each
 class or station.  Look, window, legend, shaders and compiled loops read the table: a new mode of such a value is one row here.
-A new value is an entry of PointValue, and a line each in shaders/common_edits.glsl and viewer/render/raster/point_loops.py.
+A new value is an entry of PointValue, a line each in shaders/common_edits.glsl and viewer/render/raster/point_loops.py, and the
+ends of its ramp in viewer/render/raster/edit_block.py.
 """
 
 from dataclasses import dataclass

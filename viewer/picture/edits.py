@@ -53,7 +53,7 @@ class Edits:
 
     @property
     def none(self) -> bool:
-        """Whether pictures are as without any edit.  The up axis matters only to colours by height."""
+        """Whether pictures are as without any edit.  The up axis matters only to colours."""
         plain = Edits(up=self.up)
         return all(getattr(self, each.name) == getattr(plain, each.name) for each in fields(Edits))
 

@@ -248,4 +248,6 @@ def _guess(head: bytes, suffix: str) -> str:
         return "is UTF-16 text, save it as UTF-8 first (iconv -f UTF-16 -t UTF-8)"
     if any(suffix in row.suffixes for row in FORMATS):
         return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
+    if suffix == ".pointglass":  # viewer.work.project.SUFFIX
+        return "a project, which only the window, `info`, `section` and `export` open: name its scan"
     return f"not a scan format known here (first bytes {head[:4]!r})"

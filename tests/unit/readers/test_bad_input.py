@@ -13,6 +13,7 @@ from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.readers.formats import open_source
 from pointglass.viewer.readers.ply.ply_source import PlySource
+from pointglass.viewer.work.project import SUFFIX
 
 
 @pytest.fixture(autouse=True)
@@ -41,6 +42,7 @@ def test_missing_empty_and_foreign_files(tmp_path):
         ("scan.zip", b"PK\x03\x04rest", "zip"),
         ("scan.pcd", b"# .PCD v0.7", "truncated in its header"),
         ("what.dat", b"1 2 3\n", "not a scan format known here"),
+        ("work" + SUFFIX, b'{\n "pointglass_project": 1}', "a project, which only the window"),
     ):
         path = tmp_path / name
         path.write_bytes(data)

@@ -57,7 +57,9 @@ def dropped(edits, x, y, z, station):
 
 @compiled(nogil=True)
 def recoloured(edits, second, third, x, y, z):
-    """The third word of a point with the colour of its attribute; unchanged where points keep their colours."""
+    """The third word of a packed point with the colour of its attribute; unchanged where points keep their colours.
+
+    second, third: words 1 and 2 of the point, as viewer.grid.scene lays them out.  x, y, z: view frame."""
     mode, ramp = edits.mode, edits.ramp
     classes = mode[1] != 0
     if mode[2] == _U(1) + (third >> _U(24)):
