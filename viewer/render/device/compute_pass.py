@@ -1,8 +1,8 @@
 """One compute pass: a shader, with the textures, buffers and uniforms that it is given by the shader's own names.
 
 A pass declares its names once.  A name that the shader does not have, and one that the compiled program has and the pass does
-not declare, raise where the pass is made (the latter in software OpenGL, where the tests run); a name left out or added in a call
-raises there.  A declared name that a driver's compiler has found unused is passed over.
+not declare, raise where the pass is made (the latter in software OpenGL, where the tests run); a name left out or added in a
+call raises there.  A declared name that a driver's compiler has found unused is passed over.
 """
 
 import re
