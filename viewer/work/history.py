@@ -27,7 +27,6 @@ class History(Generic[State]):
     def __init__(self, state: State):
         self._done: list[_Step[State]] = [_Step("", state, None)]
         self._undone: list[_Step[State]] = []
-        self._saved: State | None = state
 
     @property
     def current(self) -> State:
@@ -43,11 +42,6 @@ class History(Generic[State]):
     def redo_label(self) -> str | None:
         """What the next redo does again, None where nothing can be."""
         return self._undone[-1].label if self._undone else None
-
-    @property
-    def changed(self) -> bool:
-        """Whether the present state is another than the one that :meth:`saved` noted last."""
-        return self.current != self._saved
 
     def do(self, label: str, state: State, gesture: object = None) -> None:
         """Makes ``state`` the present one; whatever was undone can no longer be redone.  Equal states are no step.
@@ -91,7 +85,3 @@ class History(Generic[State]):
         """The next step is a step of its own, whatever its gesture."""
         last = self._done[-1]
         self._done[-1] = _Step(last.label, last.state, None)
-
-    def saved(self) -> None:
-        """Notes that the present state is on disk."""
-        self._saved = self.current

@@ -37,7 +37,8 @@ POWERS = {"distance": 1, "polyline": 1, "height": 1, "angle": 0, "area": 2}
 
 @dataclass(frozen=True)
 class MeasuredPoint:
-    """A point of a measurement.  position: file coordinates of a measured point.  spacing, noise: of the points around it, file
+    """A point of a measurement.  position: file coordinates of a measured point, as in the file; the grid's
+    (viewer.work.places.pick) until that has been read, and where it cannot be.  spacing, noise: of the points around it, file
     units; noise is the standard deviation from the local plane.  scan: where it is from, for the list."""
 
     position: Vector

@@ -54,18 +54,6 @@ def test_the_oldest_steps_are_dropped(monkeypatch):
     assert (undone, stack.current) == (5, 14)
 
 
-def test_changed_compares_with_what_was_saved():
-    stack = History(0)
-    stack.do("step", 1)
-    assert stack.changed
-    stack.saved()
-    assert not stack.changed
-    stack.undo()
-    assert stack.changed
-    stack.redo()
-    assert not stack.changed
-
-
 def test_where_the_camera_stands_is_no_step():
     stack = History((0, "here"))
     stack.do("step", (1, "here"))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .tool import PointerEvent, ToolContext
 
 RADIUS = 24.0
-"""Logical pixels around the pointer within which a measured point is taken; for measuring, where a wrong one harms, fewer."""
+"""Design units around the pointer within which a measured point is taken; for measuring, where a wrong one harms, fewer."""
 NEAREST = 4.0
 """Point spacings from the point at which zooming stops: nearer, a picture holds a handful of points."""
 

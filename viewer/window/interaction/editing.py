@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 END_SECONDS = 30.0
 """Seconds that a closing window waits for work in the background, which stops at its next progress report."""
 RADIUS = 10.0
-"""Logical pixels around the pointer within which a measured point is taken."""
+"""Design units (kit.theme) around the pointer within which a measured point is taken."""
 
 
 def edit(context: "ToolContext", label: str, gesture: object = None, **changes: object) -> None:
-    """Changes the document as one step; see DocumentState.edit."""
+    """Changes the document as one step; see DocumentState.edit (viewer.window.session.work)."""
     context.session.work.edit(label, gesture, **changes)
 
 
@@ -85,14 +85,15 @@ def metres_per_unit(context: "ToolContext") -> float | None:
 
 
 class Pointing:
-    """Finds measured points under the pointer, in the depth and the mask of the picture at rest."""
+    """Finds measured points under the pointer, in the depth and the mask of the last picture.  Whether that is at rest, so that
+    it tells what a click means, WaitingClicks knows."""
 
     def __init__(self) -> None:
         self._last: tuple[tuple[Frame, float, tuple[float, float]], Picked | None] | None = None
 
     def at(self, context: "ToolContext", position: tuple[float, float] | None, radius: float = RADIUS, *,
            wait: bool = True) -> Picked | None:
-        """The measured point nearest to a position in the picture, None where there is none within ``radius`` logical pixels,
+        """The measured point nearest to a position in the picture, None where there is none within ``radius`` design units,
         or while the camera moves.  wait: for the picture to be read; otherwise None until it has been."""
         frame, scene = context.viewport.frame, context.scene
         if frame is None or scene is None or position is None or context.session.flight.moving:

@@ -101,14 +101,15 @@ class Measure(Tool):
         if picked is None:
             context.toast("No measured point here: this pixel is filled or background")
             return False
-        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._moved(picked, exact, context))
+        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
         self.points.append(measured_point(context, taken))
         if len(self.points) == KINDS[self.kind][1]:
             self._finish(context)
         return False
 
-    def _moved(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
-        """The exact place of a picked point is there: also where its measurement has been ended, or undone, meanwhile."""
+    def _arrived(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
+        """The place in the file of a picked point is there: also where its measurement has been ended, or undone, meanwhile.
+        Where the file cannot be read, ``exact`` has the grid's place, and nothing changes."""
 
         def at_place(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
             return [replace(point, position=exact.position) if point.position == picked.position else point for point in points]
@@ -241,7 +242,8 @@ class Measure(Tool):
                                lambda path: self.export(context, path))
 
     def export(self, context: ToolContext, path: Path) -> None:
-        """Writes all measurements to ``path``, in the file's units; says where, or why not."""
+        """Writes all measurements to ``path``, in the file's units; says where, or why not.  Waits for no point that is still
+        being read: the grid's place of it is written."""
         try:
             write_csv(path, context.document.measurements, metres_per_unit(context))
         except PointglassError as error:

@@ -3,8 +3,8 @@
 To add a tool: subclass :class:`Tool` in a file of this folder and add the class to TOOLS in ``table.py``.
 
 Positions are pixels of the picture (column, row), row 0 at the top, the frame of ``Camera.project`` and ``Camera.unproject``;
-they may lie outside the picture while a button is held.  Distances dragged are logical pixels, so that a gesture has
-the same size on every screen.
+they may lie outside the picture while a button is held.  Distances dragged are logical pixels (kit.theme), so that a gesture
+has the same size on every screen.
 """
 
 from collections.abc import Callable
@@ -106,7 +106,7 @@ class ToolContext:
         return camera.position, along / np.linalg.norm(along)
 
     def pixels(self, length: float) -> float:
-        """Pixels of the picture that ``length`` logical pixels make; for a picking radius."""
+        """Pixels of the picture that ``length`` design units (kit.theme) make; for a picking radius."""
         return length * self.session.area.density * self.theme.scale
 
     def toast(self, text: str) -> None:
@@ -154,7 +154,8 @@ class Tool:
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         """Handles an event.  Returns True where the tool used it; otherwise Fly receives it.
 
-        A tool that returns True for a press receives all events until the release.
+        A tool that returns True for a press receives all events until the release.  Where it leaves the press to Fly, it
+        still receives the release of a click, after Fly; what it returns then is not looked at.
         """
         return False
 
@@ -172,7 +173,7 @@ class Tool:
         """The tool was selected."""
 
     def left(self, context: ToolContext) -> None:
-        """Another tool was selected: drop whatever was begun."""
+        """Another tool was selected: drop what was begun, unless it can go on when this one is selected again."""
 
     def follow(self, context: ToolContext) -> None:
         """Called in every turn of the window's loop, selected or not, before the interface is drawn: takes what work in the

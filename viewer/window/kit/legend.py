@@ -12,7 +12,7 @@ from .theme import packed
 if TYPE_CHECKING:
     from .overlay import OverlayCanvas
 
-_MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # logical pixels
+_MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # design units
 
 
 def _plate(overlay: "OverlayCanvas", width: float, height: float) -> tuple[float, float]:

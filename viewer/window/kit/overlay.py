@@ -1,8 +1,8 @@
 """Drawing over the picture: lines, polygons, markers and labels given as world points.
 
 An :class:`OverlayCanvas` projects with ``Camera.project`` and draws with imgui's draw list, clipped to the picture.  World
-points are (N, 3), file coordinates.  Sizes and widths are logical pixels; ``at`` and offsets are pixels of the interface.
-Parts of a line behind the camera are cut off.  Colours are keys of theme.OVERLAY_COLOURS
+points are (N, 3), file coordinates.  Sizes, widths and offsets are design units, ``at`` is in pixels of the interface
+(kit.theme).  Parts of a line behind the camera are cut off.  Colours are keys of theme.OVERLAY_COLOURS
 ("accent", "text", "warn", ...), so that a tool need not import imgui.
 """
 
@@ -120,7 +120,7 @@ class OverlayCanvas:
                 self.draw_list.add_line(start, end, _shade(shade), width)
 
     def label(self, point, text: str, colour: str = "text", offset: tuple[float, float] = (10.0, -10.0)) -> None:
-        """Text on a dark plate beside a world point.  offset: logical pixels from the point to the plate's nearest corner."""
+        """Text on a dark plate beside a world point.  offset: design units from the point to the plate's nearest corner."""
         places, inside = self.place([point])
         if inside[0]:
             shift = np.array([self.theme.px(offset[0]), self.theme.px(offset[1])])

@@ -1,7 +1,9 @@
 """How the interface looks: one dark style, one accent colour, one typeface, at any pixel density.
 
-Sizes are logical pixels at scale 1; ``scale`` is pixels of the window per logical pixel.  Contrast (WCAG 2.1) is at least
-4.5:1 for text and 3:1 for the edge or body of every control; tests/unit/window/test_window_theme.py computes it.
+Sizes are design units; ``scale`` is logical pixels per design unit.  Logical pixels, or pixels of the interface, are GLFW's
+and imgui's coordinates in the window; ``WindowArea.density`` is pixels of the framebuffer, as of the picture, per logical one.
+Contrast (WCAG 2.1) is at least 4.5:1 for text and 3:1 for the edge or body of every control;
+tests/unit/window/test_window_theme.py computes it.
 """
 
 from pathlib import Path
@@ -64,7 +66,7 @@ class Theme:
         self.scale = scale
 
     def px(self, size: float) -> float:
-        """A logical length in pixels of the window."""
+        """A length in design units, in logical pixels."""
         return size * self.scale
 
     @staticmethod

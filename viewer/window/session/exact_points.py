@@ -1,7 +1,7 @@
 """The file's own values of picked points, without a frame that waits for them.
 
 A point whose record can be read quickly is read at once.  Otherwise a thread reads it, and the grid's values are used until it
-has ended.
+has ended, and for good where the file cannot be read: ``Picked.note`` then says why.
 """
 
 from collections.abc import Callable

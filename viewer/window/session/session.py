@@ -8,7 +8,7 @@ directly; what concerns several of them is here:
     screen (that against what was asked for)   visit (the scene shown)   loads (scans on their way)
     area (where the picture lies)   notices (messages)   work (the document and its history)
 
-Frame: file coordinates, world up = +z.  The clock counts seconds; any steady one will do.
+Frame: file coordinates; up is the direction that the document calls up.  The clock counts seconds; any steady one will do.
 """
 
 from collections import deque
@@ -48,7 +48,7 @@ _HIDDEN = "Interface hidden; F10 or Esc shows it"
 class Session:
     """State of one window.
 
-    work: the document that a person works on, and its history.
+    work: the document that a person works on, and its history (DocumentState).
     pointer: where it is over the picture, its pixels, else None.  lost: whether the picture shows nothing of the scene.
     help, interface, profiler: which of them are open.
     dragging_handle: whether the mouse holds the comparison's line.
@@ -110,7 +110,7 @@ class Session:
 
     @property
     def camera(self) -> Camera:
-        """The camera of the picture, at the framebuffer's size."""
+        """The camera of the picture, at its size: the part of the framebuffer that the panels leave."""
         return self.flight.camera(self.area.size)
 
     @property
@@ -217,7 +217,7 @@ class Session:
             self.notices.toast(_HIDDEN, seconds=2.0)
 
     def move_split(self, x: float) -> None:
-        """The comparison's line was dragged.  x: pixels of the framebuffer."""
+        """The comparison's line was dragged.  x: pixels of the picture."""
         self.view_settings.split_at = min(max(x / max(self.area.size[0], 1), 0.0), 1.0)
 
     def let_go(self) -> None:

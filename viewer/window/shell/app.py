@@ -146,7 +146,7 @@ class App:
         self.theme = Theme(self.interface_scale())
 
     def interface_scale(self) -> float:
-        """Interface pixels per logical pixel: the screen's scale, less what the framebuffer already brings."""
+        """Logical pixels per design unit (kit.theme): the screen's scale, less what the framebuffer already brings."""
         if self._scale is not None:
             return self._scale
         glfw = self.glfw

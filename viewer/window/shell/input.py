@@ -15,7 +15,7 @@ from ..session.session import Session
 if TYPE_CHECKING:
     from ..kit.theme import Theme
 
-_GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+_GRIP = 9.0  # design units either side of the comparison's line that take hold of it
 _CLICK = 4.0  # logical pixels that the pointer may move between press and release of a click
 _DOUBLE_CLICK = 0.35  # seconds between the two releases of a double click
 

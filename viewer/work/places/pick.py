@@ -1,9 +1,9 @@
-"""Picking: the nearest *measured* point around a position in the picture, with its exact coordinates.
+"""Picking: the nearest *measured* point around a position in the picture, as the grid has it; and its values in the file.
 
 The frame's depth and keep-mask name the pixel: the one nearest to the pointer that holds points which the filter kept, never a
 filled pixel or one of background.  The point is then found among the scene's packed points whose projection lies in that pixel
-at that depth.  Packed coordinates are rounded to half a step (a 131,072nd of a cell) and attributes to 16 bits; ``exactly``
-reads those of the file.
+at that depth.  Packed coordinates are at most half a step (a 131,072nd of a cell) off along each axis and attributes have 16
+bits; ``exactly`` reads those of the file.
 Frame: positions in file coordinates, float64; pixels as in viewer.picture.camera.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 RADIUS = 8.0
-"""Pixels around the pointer in which a point is looked for."""
+"""Pixels of the picture around the pointer in which a point is looked for; the window passes its own (interaction.editing)."""
 _PIXEL_SLACK = 0.02
 """Pixels of tolerance, more than the float32 rounding error of the rasteriser's projection."""
 _DEPTH_SLACK = 4e-6

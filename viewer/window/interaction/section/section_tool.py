@@ -92,7 +92,7 @@ class SectionTool(Tool):
         if picked is None:
             context.toast("No measured point here: this pixel is filled or background")
             return False
-        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._moved(picked, exact, context))
+        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
         place = np.array(taken.position)
         if self.kind == "plan":
             self.height = float(place @ np.array(context.document.up))
@@ -100,7 +100,7 @@ class SectionTool(Tool):
             self.ends = [place] if len(self.ends) != 1 else [*self.ends, place]
         return False
 
-    def _moved(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
+    def _arrived(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
         """The exact place of a picked point is there."""
         up = np.array(context.document.up)
         if self.height == float(np.array(picked.position) @ up):
