@@ -6,10 +6,12 @@ that place shows something else, and a line says that the click was not answered
 """
 
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
+    from ..session.session import Session
+    from ..viewport.viewport import Viewport
 
 Event = TypeVar("Event")
 
@@ -23,8 +25,8 @@ _MOVED = "The picture moved before the click could be answered: click again"
 class Host(Protocol):
     """What the picture's rest is known by: the parts of a ToolContext."""
 
-    session: Any
-    viewport: Any
+    session: "Session"
+    viewport: "Viewport"
 
     @property
     def scene(self) -> object: ...
