@@ -2,6 +2,7 @@
 
     path -> open_source (the file's first bytes decide) -> Source -> chunks of float64 coordinates, colour, intensity
 
-One module per format, each with its own checks: a file's header is checked against the file before a decoding library reads
-it.  Frame: the file's own coordinates, in the file's own units.
+A module or a folder of modules per format, named in ``formats.FORMATS``, each with its own checks: a file's header is checked
+against the file before a decoding library reads it.  ``source`` is what they implement; the other modules here are shared.
+Frame: the file's own coordinates, in the file's own units.
 """

@@ -71,7 +71,14 @@ def test_its_reader_reads(tmp_path, monkeypatch):
         assert np.array_equal(scan.points.xyz[order], points["xyz"][(by := np.lexsort(points["xyz"].T))].astype(np.float64))
         assert np.array_equal(scan.points["rgb"][order], points["rgb"][by]) and scan.info["format"] == "PEX"
 
-    path.write_bytes(path.read_bytes()[:-1])
+    whole = path.read_bytes()
+    path.write_bytes(whole + b"x")
+    assert len(module.PexSource(path).warnings) == 1
+    path.write_bytes(b"PEX1" + bytes(8) + whole)
+    with pytest.raises(pointglass.InputError, match="holds no points") as refused:
+        pointglass.open(path, cache=False)
+    assert refused.value.is_of(path)
+    path.write_bytes(whole[:-1])
     with pytest.raises(pointglass.InputError, match="states 2,000 points, the file has 1,999"):
         pointglass.open(path, cache=False)
 

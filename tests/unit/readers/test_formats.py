@@ -1,4 +1,5 @@
-"""Every variant of every format returns the points that were written: coordinates bit for bit, colour, intensity, class."""
+"""PCD, text, PTX, Potree and EPT return the points that were written, in every variant: coordinates bit for bit, colour,
+intensity, class.  LAS, PLY and E57 too, beyond test_readers: versions, kinds of numbers, classes."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Every reader returns the points that were written, in each variant of its format."""
+"""LAS, PLY and E57 return the points that were written: coordinates, colours, poses, units.  test_formats has the others."""
 
 import numpy as np
 import pytest
