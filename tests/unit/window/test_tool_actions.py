@@ -1,5 +1,7 @@
 """The window's tools without a window: pointing, measuring, clipping and saving change the document as a person expects."""
 
+import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +15,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
+from pointglass.viewer.window.session import exact_points
 from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measure import evaluate
@@ -120,6 +123,32 @@ def test_csv_export_says_where_it_went(context, tmp_path):
     click(tool, context, (3.0, 5.0, 1.0))
     tool.export(context, tmp_path / "m.csv")
     assert str(tmp_path / "m.csv") in context.toasts[-1] and "Distance,distance" in (tmp_path / "m.csv").read_text()
+
+
+@pytest.mark.parametrize("note", [None, "scan.xyz has changed: from the grid, to 0.1 mm"])
+def test_csv_export_waits_for_places_in_the_file_and_a_message_says_which_are_not(context, tmp_path, monkeypatch, note):
+    read = threading.Event()
+
+    def exactly(_scene, _camera, picked):
+        read.wait(30)
+        moved = np.add(picked.position, 0.0 if note else 0.001)
+        return replace(picked, position=tuple(moved.tolist()), note=note, exact=note is None)
+
+    monkeypatch.setattr(exact_points, "exactly", exactly)
+    monkeypatch.setattr(exact_points, "is_quick", lambda *_: False)
+    context.wake = lambda: None
+    tool, reading, file = Measure(), context.session.work.exact_points, tmp_path / "m.csv"
+    click(tool, context, (1.0, 5.0, 1.0))
+    click(tool, context, (3.0, 5.0, 1.0))
+    grid = [point.position for point in context.document.measurements[0].points]
+    tool.export(context, file)
+    reading.poll()
+    assert reading.busy and not file.exists()
+    read.set()
+    reading.wait(30)
+    written = [[float(value) for value in line.split(",")[7:10]] for line in file.read_text().splitlines()[1:]]
+    np.testing.assert_allclose(written, np.add(grid, 0.0 if note else 0.001), rtol=0, atol=1e-12)
+    assert (note in context.toasts) == (note is not None)
 
 
 def random_axes(random):

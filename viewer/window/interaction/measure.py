@@ -102,6 +102,8 @@ class Measure(Tool):
             context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
+        if taken.note is not None:
+            context.toast(taken.note)
         self.points.append(measured_point(context, taken))
         if len(self.points) == KINDS[self.kind][1]:
             self._finish(context)
@@ -109,7 +111,9 @@ class Measure(Tool):
 
     def _arrived(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
         """The place in the file of a picked point is there: also where its measurement has been ended, or undone, meanwhile.
-        Where the file cannot be read, ``exact`` has the grid's place, and nothing changes."""
+        Where the file cannot be read, ``exact`` has the grid's place, nothing changes, and a message says why."""
+        if exact.note is not None:
+            context.toast(exact.note)
 
         def at_place(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
             return [replace(point, position=exact.position) if point.position == picked.position else point for point in points]
@@ -242,8 +246,14 @@ class Measure(Tool):
                                lambda path: self.export(context, path))
 
     def export(self, context: ToolContext, path: Path) -> None:
-        """Writes all measurements to ``path``, in the file's units; says where, or why not.  Waits for no point that is still
-        being read: the grid's place of it is written."""
+        """Writes all measurements to ``path``, in the file's units, when the points that are being read are there; says where,
+        or why not."""
+        reading = context.session.work.exact_points
+        if reading.busy:
+            context.toast("The measurements are exported when their points have been read from the file")
+        reading.when_read(lambda: self._write(context, path))
+
+    def _write(self, context: ToolContext, path: Path) -> None:
         try:
             write_csv(path, context.document.measurements, metres_per_unit(context))
         except PointglassError as error:

@@ -45,6 +45,7 @@ class ExactPoints:
 
     def __init__(self) -> None:
         self._waiting: list[_Reading] = []
+        self._then: list[Callable[[], object]] = []
 
     @property
     def busy(self) -> bool:
@@ -70,6 +71,13 @@ class ExactPoints:
         self._waiting.append(_Reading(worker, picked, arrived))
         self._start_next()
 
+    def when_read(self, then: Callable[[], object]) -> None:
+        """Calls ``then`` when no point is being read: now, or by a later :meth:`poll`."""
+        if self._waiting:
+            self._then.append(then)
+        else:
+            then()
+
     def poll(self) -> None:
         """Hands over the points that have been read.  Called once a frame."""
         for reading in [reading for reading in self._waiting if reading.worker.finished]:
@@ -77,6 +85,8 @@ class ExactPoints:
             worker = reading.worker
             reading.arrived(worker.result if worker.error is None else replace(reading.picked, note=worker.error))
         self._start_next()
+        while self._then and not self._waiting:
+            self._then.pop(0)()
 
     def wait(self, seconds: float) -> None:
         """Waits for the points that are being read, so long at most, and hands them over."""
