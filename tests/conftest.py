@@ -45,6 +45,7 @@ def no_progress_lines():
     """Beside other work a command takes longer, and tests of what it says would find lines of its progress."""
     patch = pytest.MonkeyPatch()
     patch.setattr("pointglass.viewer.common.progress._FIRST_LINE", float("inf"))
+    patch.setattr("pointglass.model.common.loop_cache._QUIET_SECONDS", float("inf"))  # a loop that set-up has not compiled
     yield
     patch.undo()
 

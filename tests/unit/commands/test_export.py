@@ -23,7 +23,7 @@ class FakeRenderer:
     """Remembers the views it was asked for."""
 
     def __init__(self):
-        self.asked, self.context = [], None
+        self.asked, self.context, self.choice = [], None, SimpleNamespace(timed=None)
         self.scene = SimpleNamespace(meta={"sources": ["a.laz"]}, count=5)
 
     def render(self, camera, settings, views=None, *_, **__):

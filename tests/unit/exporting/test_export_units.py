@@ -88,7 +88,7 @@ def test_files_that_do_not_belong_together_are_named(tmp_path, capsys):
     told = capsys.readouterr().err
     assert "differ in their units" in told and "different coordinate reference systems" in told and "of 2 places" in told
     scan(tmp_path / "near.las", 32613, at=(500_100, 4_400_000, 100), seed=2)
-    export(tmp_path / "near.las", tmp_path / "metres.las", "--out", tmp_path / "mix.laz")
+    export(tmp_path / "near.las", tmp_path / "metres.las", "--out", tmp_path / "both.laz")
     assert capsys.readouterr().err == ""
 
 

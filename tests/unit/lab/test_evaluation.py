@@ -12,11 +12,12 @@ from PIL import Image
 import pointglass.model.evaluation.methods as methods_module
 import pointglass.model.evaluation.room_scores as scene_module
 from pointglass.model.common.errors import DataError
+from pointglass.model.common.files.json_file import write_json
 from pointglass.model.data.stations import load_scene, scan_stations
 from pointglass.model.data.surfaces.projected import Projected, project_scan
 from pointglass.model.evaluation.methods import WEIGHTED, thinned, view_points
 from pointglass.model.evaluation.open3d_points import Open3DError, Open3DPoints
-from pointglass.model.evaluation.report import format_table, plot, save
+from pointglass.model.evaluation.report import format_table, plot
 from pointglass.model.evaluation.room_scores import evaluate
 from pointglass.model.network.unet import PaperUNet, mac_per_pixel
 from pointglass.model.network.weights import load_weights
@@ -109,7 +110,7 @@ def test_pictures_left_by_others_are_judged_as_they_are(result):
 
 
 def test_json_and_plot_are_whole_files(result, tmp_path):
-    save(result, tmp_path / "a.json")
+    write_json(tmp_path / "a.json", result)
     stored = json.loads((tmp_path / "a.json").read_text(), parse_constant=lambda name: pytest.fail(name))
     assert next(r for r in stored["rows"] if r["method"] == "oracle")["psnr"] is None
     plot(result, tmp_path / "a.png")
