@@ -126,7 +126,7 @@ def test_the_order_is_core_then_bindings_then_a_copy_and_says_why(monkeypatch, d
 def test_cuda_is_not_asked_about_the_buffers_of_another_driver(monkeypatch, driver, programs):
     """It may crash: then there would be no picture at all."""
     install(monkeypatch, driver)
-    for module in ("cuda_bridge", "match_device"):
+    for module in ("network.cuda_bridge", "device.match_device"):
         monkeypatch.setattr(f"pointglass.viewer.render.{module}.unshared", unshared)
     bridge, why = make_bridge(programs, (8, 8), "cuda")
     renderer = str(programs.context.info["GL_RENDERER"])

@@ -15,6 +15,7 @@ from pointglass.viewer.picture.settings import FILTERS, SOFT_Z, Settings
 from pointglass.viewer.render.device.context import describe_device
 from pointglass.viewer.render.device.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
 from pointglass.viewer.render.raster import raster_compute
+from pointglass.viewer.render.raster.choose_raster import RasterChoice
 from pointglass.viewer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -256,6 +257,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, software):
     small = Renderer(context, scene)
     limited = 16 + 16 * 160 * 17  # 17 rows of colour sums
     small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited, "software": software})
+    small.choice = RasterChoice("auto", small.device)
     small.pages.release()
     from pointglass.viewer.render.raster.points import PointPages
 

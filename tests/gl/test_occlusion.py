@@ -332,11 +332,11 @@ def test_a_view_of_nothing_and_back(floor):
 def test_several_pages_and_many_batches(context, floor, monkeypatch):
     """Storage blocks that hold a tenth of the scene: a list a page, and more batches than one row of workgroups."""
     from pointglass.viewer.render.culling import occlusion
-    from pointglass.viewer.render.raster import raster_compute
+    from pointglass.viewer.render.device import compute_pass
     from pointglass.viewer.render.raster.points import PointPages
 
     limit = max(16 * SIZE[0] * SIZE[1], floor.scene.count * 12 // 10)
-    for module in (occlusion, raster_compute):
+    for module in (occlusion, compute_pass):
         monkeypatch.setattr(module, "MAX_GROUPS", 5)
     small = Renderer(context, floor.scene, raster="compute")
     small.pages.release()

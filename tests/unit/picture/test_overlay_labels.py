@@ -16,7 +16,7 @@ class Plates(OverlayCanvas):
 
     def __init__(self):
         self.camera = from_fov(640, 400, 60.0, look_at(np.zeros(3), np.array([0.0, 1.0, 0.0])))
-        self.look = SimpleNamespace(px=float)  # type: ignore[assignment]
+        self.theme = SimpleNamespace(px=float)  # type: ignore[assignment]
         self.plates = {}
 
     def place(self, points):
