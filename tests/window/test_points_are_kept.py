@@ -110,9 +110,16 @@ def test_points_of_a_measurement_that_is_not_ended_survive_kill_9(display, scan)
     window.ended()
     found = read_unsaved(file)
     assert found is not None and found.begun is not None and not found.document.measurements
+    written = file.stat().st_mtime_ns
     window = opened(display, scan)
-    until(lambda: window.keys("Return") or waited(lambda: "•" in window.title, 1.0) or window.click(720, 400)
-          or waited(lambda: "•" in window.title, 2.0), "the restored point, and a second one")
+
+    def restored() -> bool:
+        """Whether the new window has taken over the autosave, and written it."""
+        return file.exists() and file.stat().st_mtime_ns != written and begun(scan)
+
+    until(lambda: window.keys("Return") or waited(restored, 10.0), "the restored point")
+    window.click(720, 400)
+    until(lambda: "•" in window.title, "the second point")
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")
     until(project.exists, "the project")
