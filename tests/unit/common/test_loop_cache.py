@@ -92,6 +92,7 @@ def test_the_line_comes_once_and_not_for_a_single_fast_loop(monkeypatch):
     said: list[str] = []
     now = iter([0.0, 1.0, 1.0, 4.0, 4.0, 9.0])
     monkeypatch.setattr(loop_cache, "perf_counter", lambda: next(now))
+    monkeypatch.setattr(loop_cache, "_QUIET_SECONDS", 2.0)  # tests/conftest.py silences it
     notice = loop_cache.CompilingNotice()
     notice.tell = said.append
     for expected in (0, 0, 1):  # after 0, 1 and 4 seconds of compiling
