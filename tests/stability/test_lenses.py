@@ -77,7 +77,7 @@ def test_pictures_beyond_the_devices_textures_are_refused_and_the_next_is_drawn(
     camera = view_inside(seed, (40, 30))
     with renderers.renderer(scene) as renderer:
         before = renderer.render(camera, Settings(), views=("raw",)).image("raw")
-        renderer.device = type(renderer.device)(**{**vars(renderer.device), "texture_limit": 64})
+        renderer._sizes._limit = 64
         for size in ((65, 10), (10, 65)):
             with pytest.raises(DeviceError, match=rf"{size[0]}x{size[1]} is larger than this device's textures \(64") as caught:
                 renderer.render(camera.resized(*size), Settings(), views=("raw",))
