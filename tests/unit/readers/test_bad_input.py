@@ -217,6 +217,15 @@ def test_e57_points_without_a_prototype_are_refused(tmp_path):
     assert "\n" not in str(error.value)
 
 
+def test_an_e57_whose_xml_only_libe57_reads_is_refused(tmp_path):
+    """libe57's parser reads some malformed XML that Python's refuses; its counts and fields could not be checked first."""
+    path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))])
+    edited_e57(path, (rb'version="1.0"', b'version="1.#QNAN"'), (rb'recordCount="100"', b'recordCount="-1"'))
+    with pytest.raises(InputError, match=r"a\.e57: damaged: its description is not well-formed XML") as error:
+        open_source(path)
+    assert "\n" not in str(error.value)
+
+
 TEXT, NUMBER = b' type="String"><![CDATA[what]]></', b' type="Integer">5</'
 
 

@@ -53,8 +53,9 @@ def open_e57(path: Path) -> Iterator[Any]:
             file.close()
 
 
-def xml_of(path: Path) -> ElementTree.Element | None:
-    """The root of the XML that describes the file; None where Python's parser refuses what libe57 could read.
+def xml_of(path: Path) -> ElementTree.Element:
+    """The root of the XML that describes the file.  Raises InputError where Python's parser refuses what libe57 could read:
+    what the XML states (fields, numbers of points) could not be checked before the library relies on it.
 
     path: a file that open_e57 opened, so that the place of its XML has been checked.
     """
@@ -64,30 +65,31 @@ def xml_of(path: Path) -> ElementTree.Element | None:
         pages = [file.read(PAGE)[:PAGE_DATA] for _ in range((place % PAGE + length) // PAGE_DATA + 1)]
     try:
         return ElementTree.fromstring(b"".join(pages)[place % PAGE :][:length])
-    except ElementTree.ParseError:
-        return None
+    except ElementTree.ParseError as error:
+        raise InputError(f"damaged: its description is not well-formed XML ({error})", file=path,
+                         remedy="copy or export it again") from None
 
 
-def point_vectors(root: ElementTree.Element | None, counts: list[int]) -> list[ElementTree.Element | None] | None:
-    """The ``points`` elements of the scans, None for one without points; None where the XML does not tell.
+def point_vectors(root: ElementTree.Element, counts: list[int]) -> list[ElementTree.Element | None] | None:
+    """The ``points`` elements of the scans, None for one without points; None where the XML has other scans than libe57.
 
     root: of the file's XML.  counts: points of each scan.
     """
-    nodes = [] if root is None else root.findall("{*}data3D/*")
+    nodes = root.findall("{*}data3D/*")
     if len(nodes) != len(counts):
         return None
     found = [node.find("{*}points") if count else None for node, count in zip(nodes, counts, strict=True)]
     return None if any(vector is None and count for vector, count in zip(found, counts, strict=True)) else found
 
 
-def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
+def check_prototypes(path: Path, root: ElementTree.Element) -> None:
     """Raises InputError where points have no prototype, which declares their fields: libe57 would end the process over that;
     and where more points are stated than the file can hold.
 
     root: of the file's XML.
     """
     size = path.stat().st_size
-    for node in root.iter() if root is not None else ():
+    for node in root.iter():
         if node.get("type") != "CompressedVector":
             continue
         prototype = node.find("{*}prototype")
