@@ -11,6 +11,10 @@ LEVELS = 4096
 """Levels of linear light; 12 bits are the fewest in which all 256 sRGB levels differ."""
 
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Relative luminance of linear red, green and blue (ITU-R BT.709, whose primaries sRGB has)."""
+
+
 def to_linear(srgb) -> np.ndarray:
     """sRGB 0..1 to linear 0..1, any shape."""
     srgb = np.asarray(srgb, np.float64)

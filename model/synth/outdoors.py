@@ -7,7 +7,7 @@ Frame: world metres, z up, the street along x, its floor at z = 0.
 
 import numpy as np
 
-from ..common.linear_light import to_linear, to_srgb
+from ..common.linear_light import LUMINANCE, to_linear, to_srgb
 from . import furniture as f
 from .builder import Builder, Look
 from .place import SKY, Hits, pixel_rays, tone
@@ -55,7 +55,7 @@ class OpenPlace:
         light = self.strength * facing[:, None] * np.array([1.0, 0.95, 0.86]) + sky * np.array([0.86, 0.95, 1.1])
         radiance = colour * light
         radiance[missed] = SKY
-        luminance = colour @ np.array([0.2126, 0.7152, 0.0722])
+        luminance = colour @ LUMINANCE
         shininess = np.where(missed, 0, look.shininess[which])
         return Hits(t, tone(radiance / 1.5), normal, shininess, np.where(missed, 1, 1 - luminance), primitive)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.linear_light import to_linear, to_srgb
+from ..common.linear_light import LUMINANCE, to_linear, to_srgb
 from .light import Lighting
 from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo
@@ -90,7 +90,7 @@ class Place:
         light[self.finish.outdoors[primitive] & ~missed] = STREET_LIGHT
         radiance = colour * light + glow
         radiance[missed] = SKY * (1.0 + 0.25 * directions[missed, 2:])
-        luminance = colour @ np.array([0.2126, 0.7152, 0.0722])
+        luminance = colour @ LUMINANCE
         shininess = np.where(missed, 0, self.finish.shininess[primitive])
         return Hits(t, tone(radiance), normal, shininess, np.where(missed, 1, 1 - luminance), primitive)
 

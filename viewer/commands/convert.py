@@ -46,7 +46,7 @@ def _place_of(out: Path) -> Path:
                          remedy="give --out a folder that is not there yet")
     if os.path.ismount(place):
         raise InputError("a disk is mounted there", file=out, remedy="give --out a folder inside it that is not there yet")
-    if place.is_dir() and (name := cache.stranger(place)):
+    if place.is_dir() and (name := cache.foreign_file(place)):
         raise InputError(f"holds other files ({name})", file=out, remedy="give a new or empty folder to --out")
     return place
 

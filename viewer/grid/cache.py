@@ -95,7 +95,7 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
     return None
 
 
-def stranger(folder: Path) -> str | None:
+def foreign_file(folder: Path) -> str | None:
     """The name of a file in ``folder`` that does not belong to a grid; None where a grid may replace the folder."""
     names = sorted(path.name for path in folder.iterdir())
     ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
@@ -208,7 +208,7 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
         _release(scene)
         del scene
         restrict(work, files)
-        if keep_old and folder.exists() and (name := stranger(folder)):
+        if keep_old and folder.exists() and (name := foreign_file(folder)):
             raise InputError(f"holds other files ({name})", file=folder, remedy="give a new or empty folder")
         move(work, folder)
     return _read(folder, identity)

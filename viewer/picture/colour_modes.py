@@ -69,7 +69,8 @@ RAMPS: dict[str, tuple[tuple[int, int, int], ...]] = {
               (208, 47, 5), (169, 22, 1), (122, 4, 3)),
     "grey": ((0, 0, 0), (255, 255, 255)),
 }  # fmt: skip
-"""Evenly spaced colours between which is interpolated; viridis and turbo as matplotlib has them."""
+"""Evenly spaced colours between which is interpolated; viridis (van der Walt and Smith) and turbo (Mikhailov) as
+matplotlib has them."""
 CLASSES: dict[int, tuple[str, tuple[int, int, int]]] = {
     0: ("never classified", (150, 150, 150)), 1: ("unclassified", (180, 180, 180)), 2: ("ground", (165, 112, 60)),
     3: ("low vegetation", (150, 200, 90)), 4: ("medium vegetation", (90, 170, 60)), 5: ("high vegetation", (30, 120, 40)),

@@ -5,10 +5,9 @@ pixels in the neural view.  Plain values: viewer.render.raster.edit_block turns 
 Frame: clips and the up axis in file coordinates, float64.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
-
-import numpy as np
 
 from ..common.errors import InputError
 from .clip import Clip, Vector, active
@@ -44,7 +43,7 @@ class Edits:
     ghosts: str = "shown"
 
     def __post_init__(self) -> None:
-        if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
+        if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
             raise InputError("expected a unit vector", option="up", value=self.up)
         if not all(0 <= number < 256 for number in self.hidden_stations):
             raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")

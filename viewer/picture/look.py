@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...model.common.linear_light import LUMINANCE, to_linear, to_srgb
 from ..common.errors import InputError
 from .colour_modes import COLOUR_BY, LEVELS, RAMPS, PointValue
 
@@ -104,25 +105,17 @@ TONES: dict[str, Tone] = {row.name: row.metadata["tone"] for row in fields(Look)
 def tone_curves(look: Look) -> np.ndarray:
     """(256, 3) uint8: what each sRGB level of red, green and blue becomes.
 
-    Exposure and white balance multiply linear light; the gains keep the luminance of grey (Rec. 709 weights).  Brightness is a
+    Exposure and white balance multiply linear light; the gains keep the luminance of grey (BT.709).  Brightness is a
     gamma on the sRGB levels.
     """
     gains = 2.0 ** (0.5 * np.array([look.temperature + 0.5 * look.tint, -look.tint, -look.temperature + 0.5 * look.tint]))
-    gains *= 2.0**look.exposure / (gains @ (0.2126, 0.7152, 0.0722))
-    light = _to_linear(np.arange(LEVELS)[:, None] / (LEVELS - 1)) * gains
-    levels = _to_srgb(np.clip(light, 0.0, 1.0))
+    gains *= 2.0**look.exposure / (gains @ LUMINANCE)
+    light = to_linear(np.arange(LEVELS)[:, None] / (LEVELS - 1)) * gains
+    levels = to_srgb(light)
     for name, row in TONES.items():
         if row.curve is not None:
             levels = row.curve(levels, getattr(look, name))
     return np.rint(np.clip(levels, 0.0, 1.0) * (LEVELS - 1)).astype(np.uint8)
-
-
-def _to_linear(srgb: np.ndarray) -> np.ndarray:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def _to_srgb(linear: np.ndarray) -> np.ndarray:
-    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def toned(image: np.ndarray, curves: np.ndarray) -> np.ndarray:

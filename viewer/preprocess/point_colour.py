@@ -12,15 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..common.progress import progress
+from ..picture.colour_modes import RAMPS
 from ..readers.source import Chunk, Source
 from .black_border import DARK
 from .exposure_compensation import MOST_STATIONS, ExposureCompensation
 
-_RAMP = np.array([
-    (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),
-    (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
-], np.float64)  # fmt: skip
-"""Even steps of the perceptually uniform ramp viridis (van der Walt and Smith, CC0)."""
+_RAMP = np.array(RAMPS["viridis"], np.float64)
 _EVERY = 16  # one of so many points is examined for black; chosen by hand
 _DARK_LEVEL = 4  # 8-bit levels 1 to 4 are compared with black; chosen by hand
 _LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0

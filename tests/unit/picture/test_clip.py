@@ -5,6 +5,7 @@ import pytest
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import MOST_CLIPS, Box, Slab, box_around, contains, may_contain, vector
+from pointglass.viewer.picture.edits import Edits
 
 
 def random_rotation(random) -> np.ndarray:
@@ -90,3 +91,11 @@ def test_too_many_active_clips_are_refused():
     slabs = [Slab((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)] * (MOST_CLIPS + 1)
     with pytest.raises(InputError, match="turn some off"):
         contains(slabs, np.zeros((1, 3)))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1e155), (0.0, float("nan"), 1.0), (0.0, 0.0, float("inf")), (0.0, 0.0, 1.1)])
+def test_an_up_axis_of_another_length_is_refused(up):
+    """Without a warning, also where its square overflows."""
+    with pytest.raises(InputError, match="unit vector"):
+        Edits(up=up)

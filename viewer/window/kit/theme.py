@@ -10,6 +10,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from ....model.common.linear_light import LUMINANCE, to_linear
+
 FONT_SIZE = 16.0
 SMALL = 14.0
 TITLE = 20.0
@@ -103,8 +105,7 @@ class Theme:
 
 def luminance(colour: ImVec4) -> float:
     """Relative luminance (WCAG 2.1) of an opaque sRGB colour, 0 to 1."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (colour.x, colour.y, colour.z)]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return float(to_linear((colour.x, colour.y, colour.z)) @ LUMINANCE)
 
 
 def contrast(one: ImVec4, other: ImVec4) -> float:
