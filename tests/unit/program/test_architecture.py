@@ -58,6 +58,10 @@ def is_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
 
 
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+"""Fields of a statement that hold statements; expressions, most of a tree, import nothing."""
+
+
 def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool = True, types: bool = False) -> set[str]:
     """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports, with ``types`` also
     those of annotations.
@@ -72,7 +76,7 @@ def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool 
             for child in node.orelse:
                 visit(child)
             return
-        if not lazy and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+        if not lazy and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             return
         if isinstance(node, ast.ImportFrom) and node.level:
             parts = package.split(".") if package else []
@@ -80,8 +84,9 @@ def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool 
             for alias in node.names:
                 whole = f"{base}.{alias.name}".lstrip(".")
                 found.add(whole if whole in known else base)
-        for child in ast.iter_child_nodes(node):
-            visit(child)
+        for field in _BLOCKS:
+            for child in getattr(node, field, ()):
+                visit(child)
 
     visit(tree)
     return found & known
