@@ -6,6 +6,9 @@
 # The tests of a folder keep their order.  Those of OpenGL share a context, and want no other's objects collected meanwhile.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+unset PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: each would compile the modules that it imports again
+# Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
+export LP_NUM_THREADS=1
 
 JOBS=(unit-1 unit-2 unit-3 window gl-1 rest gl-2 hostile lint)  # the longest first, so that the last ones end together
 
@@ -17,11 +20,10 @@ run_job() {
         unit-2) "$python" -m pytest -q tests/unit/{bench,commands,common,exporting} ;;
         unit-3) "$python" -m pytest -q tests/unit/{lab,model,window,work} ;;
         window) "$python" -m pytest -q tests/window ;;
-        # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
-        gl-1) LP_NUM_THREADS=1 "$python" -m pytest -q tests/gl/test_[a-o]*.py ;;
-        gl-2) LP_NUM_THREADS=1 "$python" -m pytest -q tests/gl/test_[!a-o]*.py ;;
+        gl-1) "$python" -m pytest -q tests/gl/test_[a-o]*.py ;;
+        gl-2) "$python" -m pytest -q tests/gl/test_[!a-o]*.py ;;
         hostile) "$python" -m pytest -q tests/hostile ;;
-        rest) LP_NUM_THREADS=1 "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl \
+        rest) "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl \
             --ignore=tests/hostile ;;
         *) echo "no job is named $1; there are ${JOBS[*]}"; return 2 ;;
     esac

@@ -3,6 +3,7 @@
 # files differ from the last commit.  For the change of one room under a minute; `make test` runs everything.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+unset PYTHONDONTWRITEBYTECODE  # the tests start processes: each would compile the modules that it imports again
 
 # The folder of tests/unit for a changed file; nothing for a file without unit tests of its own.
 tests_of() {
