@@ -235,6 +235,7 @@ def test_cuda_asked_for_where_there_is_none_is_exit_3(scan, cameras, tmp_path, c
     assert "--device cuda" in one_line(capsys)
 
 
+@pytest.mark.slow
 def test_no_opengl_is_exit_3_and_one_line(scan, cameras, tmp_path):
     broken = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}
     done = subprocess.run(

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from cloud_files import write_las
 
 SCRIPT = """
@@ -38,6 +39,7 @@ print("loops:", len(before), "more:", sorted(compiled() - before))
 """
 
 
+@pytest.mark.slow
 def test_sections_and_pointing_compile_nothing_after_the_set_up(tmp_path):
     rng = np.random.default_rng(0)
     scan = tmp_path / "room.laz"

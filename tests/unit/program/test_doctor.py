@@ -14,6 +14,7 @@ from pointglass.viewer import doctor, doctor_probes
 from pointglass.viewer.common.paths import assets_dir
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_examination_is_complete_and_readable(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -137,6 +138,7 @@ assert works(programs, ReadBackBridge(programs.context, (64, 48)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_bridge_test_passes_on_the_reference_bridge():
     subprocess.run([sys.executable, "-c", BRIDGE], check=True, timeout=120)

@@ -32,6 +32,7 @@ SAID = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_an_example_does_what_it_says(script, tmp_path, monkeypatch, capsys):
@@ -44,6 +45,7 @@ def test_an_example_does_what_it_says(script, tmp_path, monkeypatch, capsys):
             assert np.asarray(image.convert("RGB")).std() > 10, picture.name
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_photograph_of_the_scan_is_like_the_scan(tmp_path):
     script = FOLDER / "e57_photographs.py"

@@ -39,6 +39,7 @@ def run():
     sys.path.remove(str(SCRIPT.parent))
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_small_run_leaves_every_figure_in_one_folder(run, tmp_path):
     (tmp_path / "block").mkdir()
@@ -91,6 +92,7 @@ def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
     assert [json.loads(line) for line in capsys.readouterr().err.splitlines() if line.startswith("{")] == [first, second]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, held", [("tests", "test_interop.py"), ("pictures", "test_frame.py")])
 def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path, name, held):
     """As on a bare machine: the project's own options ask for one.  Nor is there what else such a machine does not have."""
@@ -102,6 +104,7 @@ def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path, name, held):
     assert done.returncode == 0 and held in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_what_fails_among_its_tests_is_told_before_the_end(run, tmp_path):
     """A test after it may hang in a driver, and the part is then cut short."""
     tests = next(part for part in run.PARTS if part.name == "tests").command(run.SMALL, tmp_path)

@@ -112,6 +112,7 @@ for quality in ("tiny", "tinier"):
 """
 
 
+@pytest.mark.slow
 def test_a_quality_draws_and_stands_in_for_others(house, tmp_path):
     told = run(house, "-c", QUALITY, f"{tmp_path}/").splitlines()
     assert told[:3] == ["('tiny',) ['paper']", "tiny", "tiny"]
@@ -175,6 +176,7 @@ print("offered")
 """
 
 
+@pytest.mark.slow
 def test_a_colour_mode_and_an_effect_are_drawn_and_offered(house):
     assert run(house, "-c", LOOK).split() == ["coloured", "developed", "offered"]
 

@@ -136,6 +136,7 @@ def test_a_full_disk_leaves_no_files_of_a_simulation(tmp_path, capsys, monkeypat
     assert "x.laz: cannot be written (No space left on device)" in said and not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monkeypatch):
     from functools import partial
 
