@@ -41,7 +41,11 @@ class Scan:
 
 
 class TruePicture(Protocol):
-    """A true picture.  fl: focal length, pixels.  cx, cy: principal point, pixels.  camera_to_world: (4, 4) float64."""
+    """A true picture.  name: of its file, without the ending; "" where it has none.  fl: focal length, pixels.  cx, cy:
+    principal point, pixels.  camera_to_world: (4, 4) float64."""
+
+    @property
+    def name(self) -> str: ...
 
     @property
     def width(self) -> int: ...
@@ -101,6 +105,7 @@ class MemoryPicture:
     covered: np.ndarray | None = None
     usable: np.ndarray | None = None
     centre: tuple[float, float] | None = None
+    name: str = ""
 
     @property
     def width(self) -> int:

@@ -160,6 +160,11 @@ class ProceduralPicture:
         return self.height / 2
 
     @property
+    def name(self) -> str:
+        """Of its number."""
+        return f"view{self.number:03d}"
+
+    @property
     def camera_to_world(self) -> np.ndarray:
         return self.place.lenses[self.number][0]
 

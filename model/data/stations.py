@@ -34,6 +34,11 @@ class RoomView:
     depth_scale: float
 
     @property
+    def name(self) -> str:
+        """Of the picture's file, without its ending."""
+        return Path(self.rgb_file).stem
+
+    @property
     def cx(self) -> float:
         return self.width / 2
 

@@ -1,8 +1,10 @@
 """The options of ``pointglass evaluate``, and the command itself.  Importing this loads no heavy module."""
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
@@ -24,13 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="colours as recorded, with exposure compensation (matched), or both (default both)")
     parser.add_argument("--outside", action="append", default=[], metavar="NAME=FOLDER",
                         help="pictures of another method: PNG files named after the views; may be repeated")
+    parser.add_argument("--method", action="append", default=[], metavar="NAME=FILE.py:FUNCTION",
+                        help="a method of your own: a function of a scan and a camera that returns a picture "
+                             "(model/README.md); may be repeated")
+    parser.add_argument("--network", action="append", default=[], metavar="NAME=FILE.py:FACTORY",
+                        help="a network of your own: a function that returns a torch module, which gets the input of "
+                             "pointglass's networks; may be repeated")
     parser.add_argument("--flicker", action=argparse.BooleanOptionalAction, default=True,
                         help="measure flicker along the scene's path, if it has one (default: yes)")
     parser.add_argument("--frames", type=int, default=20, metavar="N",
                         help="number of frames from the middle of the path (0: all; default 20)")
     parser.add_argument("--paper-table", action="store_true",
                         help="print the paper's table instead, for a folder of ScanNet++ or other data: two sizes, 100 %% and "
-                             "10 %% of the points")
+                             "10 %% of the points; with --json, a run that ended early is continued")
     parser.add_argument("--split", default="val", metavar="NAME",
                         help="split of ScanNet++ (--paper-table): train, val, test or a file in splits/ (default val)")
     parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr",
@@ -40,6 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--worst", type=Path, metavar="F.png",
                         help="write the view in which a network is worst relative to the filled picture: filled, neural, truth")
     parser.add_argument("--json", type=Path, metavar="F", help="write all figures")
+    parser.add_argument("--csv", type=Path, metavar="F.csv", help="write the figures of each picture (--paper-table)")
+    parser.add_argument("--latex", type=Path, metavar="F.tex", help="write the table for a paper (--paper-table)")
     parser.add_argument("--plot", type=Path, metavar="F",
                         help="plot PSNR and distance against ms (.png, .svg, .pdf); for a scan, pictures (.png): filled, "
                              "neural, and which of them is closer to the withheld points")
@@ -68,13 +78,18 @@ def run(options: argparse.Namespace) -> int:
     from ..common.files.json_file import write_json
     from ..network.weights_folder import weights_dir
     from .outside import parse_outside
+    from .own_methods import own_methods, own_networks
     from .report import PLOT_SUFFIXES, check_output, format_table, plot, save_picture
     from .room_scores import evaluate
     from .worse import Worst, ratio_of_room
 
-    for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",))):
+    for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",)),
+                           (options.csv, (".csv",)), (options.latex, (".tex",))):
         if path:
             check_output(path, suffixes)
+    for name in ("csv", "latex"):
+        if getattr(options, name) and not options.paper_table:
+            raise DataError("only with --paper-table", option=f"--{name}", value=getattr(options, name))
     for name in ("plot", "outside", "paper_table"):
         if getattr(options, name) and len(options.data) > 1:
             raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given", remedy="omit it")
@@ -82,12 +97,13 @@ def run(options: argparse.Namespace) -> int:
     if options.paper_table:
         return _paper_table(options, names_of(files))
     worst = Worst() if options.worst else None
+    own = {"functions": own_methods(options.method), "networks": own_networks(options.network)}
     results = []
     for folder in options.data:
         results.append(evaluate(
             folder, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
             views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
-            flicker=options.flicker, frames=options.frames or None, fast=options.fast, worst=worst,
+            flicker=options.flicker, frames=options.frames or None, fast=options.fast, worst=worst, **own,
         ))
     results.sort(key=ratio_of_room, reverse=True)
     print("\n\n".join(format_table(result) for result in results))
@@ -101,8 +117,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-_NOT_IN_PAPER_TABLE = {"outside": [], "plot": None, "exposures": "both", "flicker": True, "frames": 20,
-                       "fast": False, "worst": None}
+_NOT_IN_PAPER_TABLE = {"plot": None, "exposures": "both", "flicker": True, "frames": 20, "fast": False, "worst": None}
 """Options that ``--paper-table`` ignores, with their defaults."""
 
 
@@ -110,7 +125,10 @@ def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
     from ..common.files.json_file import write_json
     from ..data.images.scannetpp import load_scannetpp, scenes
     from ..data.sources import open_places
-    from .paper_table import format_paper_table, paper_table
+    from .outside import parse_outside
+    from .own_methods import own_methods, own_networks
+    from .paper_report import format_paper_table, write_csv, write_latex
+    from .paper_table import paper_table
 
     folder = options.data[0]
     if ignored := [f"--{name}" for name, default in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != default]:
@@ -120,9 +138,28 @@ def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
         places = [load_scannetpp(folder, name, options.camera) for name in names]
     else:
         places = open_places([folder])
-    result = paper_table(places, weights, densities=tuple(options.densities), views=options.views,
-                         distance_path=options.perceptual)
+    earlier = _unfinished_table(options.json)
+    if earlier is not None:
+        print(f"pointglass: {options.json}: continued after {len(earlier['places'])} of {len(places)} places", file=sys.stderr)
+    result = paper_table(
+        places, weights, densities=tuple(options.densities), views=options.views, distance_path=options.perceptual,
+        outside=parse_outside(options.outside), functions=own_methods(options.method), networks=own_networks(options.network),
+        earlier=earlier, save=partial(write_json, options.json) if options.json else None,
+    )
     print(format_paper_table(result))
-    if options.json:
-        write_json(options.json, result)
+    for path, write in ((options.json, lambda result, path: write_json(path, result)), (options.csv, write_csv),
+                        (options.latex, write_latex)):
+        if path:
+            write(result, path)
     return 0
+
+
+def _unfinished_table(path: Path | None) -> dict | None:
+    """The result in a file that a run of ``--paper-table`` left unfinished; None where there is none."""
+    if path is None or not path.is_file():
+        return None
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return held if isinstance(held, dict) and held.get("complete") is False and isinstance(held.get("places"), list) else None

@@ -5,6 +5,7 @@ as published, and with view-dependent blending, as in the viewer (model/referenc
 are computed on first use and shared by all methods.
 """
 
+import math
 import statistics
 import time
 from collections.abc import Callable
@@ -17,12 +18,14 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..appearance.noise import NoiseModel
+from ..data.dataset import Scan
 from ..data.surfaces.projected import Projected, seen_noise
 from ..network.unet import CompactUNet, mac_per_pixel
 from ..network.weights import load_weights
 from ..reference.depth_filter import keep_mask
 from ..reference.projection import Raster, SoftZ, network_input
 from .open3d_points import POINT_SIZES, Open3DPoints
+from .own_methods import OwnNetwork, OwnPicture
 
 PRESETS = {
     "no filter": "off", "paper's filter": "paper-code", "NPBG++'s visibility": "npbg++", "our filter": "auto",
@@ -169,6 +172,16 @@ def network_method(name: str, path: Path) -> Method:
     return Method(f"network {name}", lambda view_points: view_points.input(mask, weighted=weighted), mask, run, mac, weighted)
 
 
+def own_network_method(network: OwnNetwork) -> Method:
+    """A network of your own, with our filter and view-dependent blending."""
+    return Method(network.name, lambda view_points: view_points.input(OURS, weighted=True), OURS, network, math.nan, True)
+
+
+def own_method(function: OwnPicture, scan: Scan) -> Method:
+    """A function of your own, of the points of ``scan`` that are in view."""
+    return Method(function.name, lambda view_points: function.picture(scan, view_points.seen), None)
+
+
 class Open3DMethod:
     """Open3D's point rendering, as one method per point size."""
 
@@ -213,7 +226,7 @@ def timings(methods: list[Method], view: ViewPoints) -> dict[str, tuple[float, f
     prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
     for method in methods:
-        key = (method.name if method.name == "raw" else method.mask), method.weighted
+        key = (method.name if method.name == "raw" or method.mask is None else method.mask), method.weighted
         if key not in prepared:
             prepared[key] = _median_ms(lambda m=method: m.prepare(view.fresh()))
         alone = None

@@ -5,35 +5,44 @@ Photographs and their intrinsics are cropped to 4:3 and scaled to 1920x1440 and 
 replaced by the true ones.  LPIPS is given twice: with input 0..1, as in the published code, and with input -1..1, as it is
 defined.  Frames per second are of the reference implementation in torch, from projection to network, not of the OpenGL
 renderer.
+
+The result has figures of each picture (``pictures``), of each place (``scenes``) and of all (``rows``).  It is handed out after
+every place, so that a run of hours that ends early is continued with the next place.
 """
 
-import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from time import perf_counter
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
-from torch import Tensor, nn
+from torch import Tensor
+from tqdm import tqdm
 
 from ..common.errors import DataError
 from ..common.system import processor_name
-from ..data.dataset import MemoryPicture, Scan, TruePicture, TruePlace
+from ..data.dataset import Scan, TruePicture, TruePlace
 from ..data.images.photo_place import PhotoPlace
-from ..data.surfaces.projected import Projected, project_scan, raster_of, scan_spacing
-from ..network.reconstruct import PRECISIONS, fast_precision
-from ..network.unet import CompactUNet
-from ..network.weights import load_weights
-from ..reference.depth_filter import keep_mask
-from ..reference.projection import SoftZ, network_input, pixels, rasterise
+from ..data.surfaces.projected import project_scan, scan_spacing
+from ..network.reconstruct import fast_precision
+from .made_with import made_with
+from .methods import thinned
 from .metrics.image_metrics import WINDOW, masked_psnr, ssim
-from .metrics.perceptual import SqueezeDistance
-
-_log = logging.getLogger(__name__)
+from .metrics.lpips_distance import Distances
+from .own_methods import OwnNetwork, OwnPicture
+from .paper_methods import (
+    OutsidePictures,
+    OwnFunction,
+    PaperMethod,
+    Reconstruction,
+    Shown,
+    check_outside,
+    network_of,
+    own_reconstruction,
+    scaled,
+)
 
 SIZES = ((1920, 1440), (960, 720))
 """Picture sizes of the paper, pixels."""
@@ -41,77 +50,9 @@ DENSITIES = (1.0, 0.1)
 """Shares of the points in the paper."""
 NO_NETWORK = "pull-push"
 """Name of hole filling without a network."""
-PUBLISHED = (
-    ("paper", 1920, 1440, 16.10, 0.34, 0.74, 13.63), ("paper", 960, 720, 16.29, 0.34, 0.71, 49.71),
-    ("Pointersect (paper)", 1920, 1440, 14.94, 0.49, 0.60, 0.006), ("Pointersect (paper)", 960, 720, 14.97, 0.48, 0.55, 0.021),
-)
-"""Rows of the paper: method, width, height, PSNR, LPIPS as published, SSIM, frames/s on an RTX 4090; 55 scenes of ScanNet++ v2,
-all points."""
 
-_Key = tuple[str, int, int, float]
-"""Method, width, height, density."""
-
-
-def scaled(view: TruePicture, width: int, height: int) -> MemoryPicture:
-    """The view, cropped around its centre to the aspect ratio and resampled to the size in pixels, with adapted intrinsics.
-
-    A pixel is known if all source pixels are known.
-    """
-    scale = max(width / view.width, height / view.height)
-    left, top = (view.width - width / scale) / 2, (view.height - height / scale) / 2
-    box = (left, top, left + width / scale, top + height / scale)
-    colour = Image.fromarray(view.rgb()).resize((width, height), Image.Resampling.LANCZOS, box=box)
-    known = view.known()
-    if known is not None:
-        share = Image.fromarray(known.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR, box=box)
-        known = np.asarray(share) > 0.999
-    centre = ((view.cx - left) * scale, (view.cy - top) * scale)
-    return MemoryPicture(np.array(colour), view.fl * scale, view.camera_to_world, usable=known, centre=centre)
-
-
-def _from_lpips(backbone: str) -> nn.Module:
-    import lpips  # type: ignore[import-not-found]
-
-    return lpips.LPIPS(net=backbone, verbose=False)
-
-
-def _from_torchmetrics(backbone: str) -> nn.Module:
-    from torchmetrics.functional.image.lpips import _LPIPS  # type: ignore[import-not-found]
-
-    return _LPIPS(pretrained=True, net=backbone)
-
-
-@dataclass(frozen=True)
-class _Distances:
-    """LPIPS and the SqueezeNet distance; each is None if it or its weights are not available.  missing: the reasons for
-    LPIPS."""
-
-    lpips: nn.Module | None
-    squeeze: nn.Module | None
-    missing: str
-
-    @staticmethod
-    def open(path: Path | None, backbone: str, device: str) -> "_Distances":
-        squeeze = None if path is None else SqueezeDistance(path).eval().to(device)
-        reasons = []
-        for make in (_from_lpips, _from_torchmetrics):
-            try:
-                return _Distances(make(backbone).eval().to(device), squeeze, "")
-            except (ImportError, OSError, RuntimeError) as error:  # not installed, or its weights cannot be fetched
-                _log.info("LPIPS is not available: %s", error)
-                reasons.append(str(error).splitlines()[0] if str(error) else type(error).__name__)
-        return _Distances(None, squeeze, "; ".join(reasons))
-
-    @torch.inference_mode()
-    def __call__(self, made: Tensor, truth: Tensor) -> dict[str, float]:
-        """Distances by name.  made, truth: (3, H, W), 0..1."""
-        a, b = made[None], truth[None]
-        nan = float("nan")
-        return {
-            "lpips_published": nan if self.lpips is None else float(self.lpips(a, b, normalize=False).mean()),
-            "lpips": nan if self.lpips is None else float(self.lpips(a, b, normalize=True).mean()),
-            "squeeze": nan if self.squeeze is None else float(self.squeeze(a, b)),
-        }
+_KEY = ("method", "width", "height", "density")
+"""Fields that identify a row among those of a place, or of all places."""
 
 
 def known_ssim(made: Tensor, truth: Tensor, known: Tensor) -> float:
@@ -125,180 +66,171 @@ def known_ssim(made: Tensor, truth: Tensor, known: Tensor) -> float:
     return (value - (1 - share)) / share if share > 0 else float("nan")
 
 
-class _Method:
-    """A reconstruction method.  path: weights file of its network; None: hole filling only."""
-
-    def __init__(self, name: str, path: Path | None, device: str, precision: str):
-        self.name, self.filtered, self.network, self.dtype = name, True, None, torch.float32
-        if path is not None:
-            network, header = load_weights(path)
-            self.filtered = header.get("input") != "unfiltered"
-            dtype = PRECISIONS[precision]
-            self.network = network.to(device, dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
-            self.dtype = torch.float32 if isinstance(network, CompactUNet) else dtype
-
-    @torch.inference_mode()
-    def reconstruct(self, made: Tensor) -> Tensor:
-        """(5, H, W) network input -> (3, H, W) in 0..1."""
-        if self.network is None:
-            return made[:3].clamp(0, 1)
-        x = made[None].to(self.dtype, memory_format=torch.channels_last)
-        return self.network(x)[0, :3].float().clamp(0, 1)
-
-    def mask(self, depth: Tensor) -> Tensor:
-        return keep_mask(depth, "auto" if self.filtered else "off")
-
-
 def paper_table(
     places: Sequence[TruePlace], weights: dict[str, Path], *, sizes: Sequence[tuple[int, int]] = SIZES,
     densities: Sequence[float] = DENSITIES, views: int | None = None, distance_path: Path | None = None,
     backbone: str = "vgg", device: str = "cpu", precision: str | None = None, repeats: int = 5, seed: int = 11,
+    outside: dict[str, Path] | None = None, functions: Sequence[OwnPicture] = (), networks: Sequence[OwnNetwork] = (),
+    earlier: dict | None = None, save: Callable[[dict], None] | None = None,
 ) -> dict:
-    """Metrics of each weights file (name -> file) and of hole filling without a network.
+    """Metrics of hole filling without a network, of each weights file (name -> file), and of the methods of others.
 
     views: number per place, evenly spaced (None: all).  distance_path: folder of the SqueezeNet distance's weights.  backbone:
     of LPIPS.  device: cpu or cuda.  precision: of the networks (None: the fastest of the device).  repeats: of each timing.
-    seed: of simulated scans, for places without a real one.
-    Returns the input of :func:`format_paper_table`, for JSON; NaN where a metric is not available.
-    Raises DataError without places or views, WeightsError for invalid weights.
+    seed: of simulated scans, for places without a real one, and of the points that are kept.  outside: name -> folder of
+    pictures.  functions, networks: of your own.  earlier: an unfinished result; its places are not evaluated again.  save: gets
+    the unfinished result after each place.
+    Returns the input of :mod:`model.evaluation.paper_report`, for JSON; NaN where a metric is not available.
+    Raises DataError without places or views, for two places or methods of one name, unusable pictures, or an ``earlier`` result
+    of other settings; WeightsError for invalid weights.
     """
     if not places or not all(place.views for place in places):
         raise DataError("the paper's table needs places with at least one true picture each")
     precision = precision or fast_precision(device)
-    methods = [_Method(name, path, device, precision) for name, path in {NO_NETWORK: None, **weights}.items()]
-    distances = _Distances.open(distance_path, backbone, device)
-    figures: dict[_Key, list[dict[str, float]]] = {}
-    seconds: dict[_Key, list[tuple[float, float]]] = {}
-    skipped, points = 0, []
-    for place in places:
-        scan = place.original_scan() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans are not degraded
-        scan = replace(scan, places=None)  # equal weights, as in the published pictures
-        points.append(len(scan.xyz))
-        spacing = scan_spacing(scan)
-        count = len(place.views) if views is None else min(views, len(place.views))
-        chosen = [place.views[i] for i in np.linspace(0, len(place.views) - 1, count).astype(int)]
-        for (number, view), size in product(enumerate(chosen), sizes):
-            shot = scaled(view, *size)
-            seen = project_scan(scan, shot, seed + number)
-            known = torch.ones(size[::-1], dtype=torch.bool) if shot.usable is None else torch.from_numpy(shot.usable)
-            if not known.any() or not len(seen.z):
-                skipped += 1
-                continue
-            truth = torch.from_numpy(shot.rgb()).permute(2, 0, 1).float() / 255
-            for density, method in product(densities, methods):
-                made = _picture(seen, seen.rank < density, spacing / density**0.5, method, device).cpu()
-                figures.setdefault((method.name, *size, density), []).append({
+    others = [OutsidePictures(name, folder) for name, folder in (outside or {}).items()]
+    methods: list[PaperMethod] = [
+        Reconstruction(NO_NETWORK, None, device),
+        *(network_of(name, path, device, precision) for name, path in weights.items()),
+        *map(own_reconstruction, networks), *map(OwnFunction, functions), *others,
+    ]
+    _check_unique("method", [method.name for method in methods])
+    _check_unique("place", [place.name for place in places])
+    chosen = {place.name: _chosen(place.views, views) for place in places}
+    check_outside(others, [(name, view) for name, held in chosen.items() for view in held], sizes, densities)
+    distances = Distances.open(distance_path, backbone, device)
+    settings = {
+        **made_with(weights, seed), "methods": [method.name for method in methods], "sizes": [list(size) for size in sizes],
+        "densities": list(densities), "views": views, "device": _device_name(device), "precision": precision,
+        "lpips": f"LPIPS ({backbone})" if distances.lpips is not None else "not available",
+        "squeeze": distance_path is not None,
+    }
+    if earlier is not None:
+        check_earlier(earlier, settings)
+    done = _unfinished(earlier)
+    wanted = [place for place in places if place.name not in done["places"]]
+
+    def result(complete: bool) -> dict:
+        rows = _means(done["pictures"], done["times"])
+        scenes = [{"place": name, **row} for name in done["places"] for row in _means(
+            [row for row in done["pictures"] if row["place"] == name], [row for row in done["times"] if row["place"] == name])]
+        return {**settings, "complete": complete, "lpips_missing": distances.missing, **done, "rows": rows, "scenes": scenes}
+
+    steps = sum(len(chosen[place.name]) for place in wanted) * len(sizes)
+    with tqdm(total=steps, desc="pictures", disable=None) as meter:
+        for place in wanted:
+            scan = place.original_scan() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans are not degraded
+            scan = replace(scan, places=None)  # equal weights, as in the published pictures
+            meter.set_postfix_str(place.name)
+            found = _Place(place.name, scan, methods, densities, distances, device, seed)
+            for (number, view), size in product(enumerate(chosen[place.name]), sizes):
+                found.judge(view, number, size)
+                meter.update(1)
+            found.time(chosen[place.name][0], sizes, repeats)
+            done["places"].append(place.name)
+            done["points"].append(len(scan.xyz))
+            done["skipped"] += found.skipped
+            done["pictures"] += found.pictures
+            done["times"] += found.times
+            if save is not None and place is not wanted[-1]:
+                save(result(False))
+    return result(True)
+
+
+def check_earlier(earlier: dict, settings: dict) -> None:
+    """Raises DataError where an unfinished result was made with other settings."""
+    different = [name for name, value in settings.items() if earlier.get(name) != value]
+    if different:
+        raise DataError(f"holds an unfinished table made with other {', '.join(different)}",
+                        remedy="give another file, or delete this one")
+
+
+def _unfinished(earlier: dict | None) -> dict[str, Any]:
+    """The places, numbers of points, figures and times of an unfinished result; null in JSON is NaN."""
+    empty: dict[str, Any] = {"places": [], "points": [], "skipped": 0, "pictures": [], "times": []}
+    held = {} if earlier is None else {name: earlier[name] for name in empty}
+    for row in held.get("pictures", ()):
+        row.update({name: float("nan") for name, value in row.items() if value is None})
+    return {**empty, **held}
+
+
+class _Place:
+    """Figures and times of all methods at one place."""
+
+    def __init__(self, name: str, scan: Scan, methods: list[PaperMethod], densities: Sequence[float], distances: Distances,
+                 device: str, seed: int):
+        self.name, self.scan, self.methods, self.densities = name, scan, methods, densities
+        self.distances, self.device, self.seed = distances, device, seed
+        self.spacing = scan_spacing(scan)
+        self.pictures: list[dict] = []
+        self.times: list[dict] = []
+        self.skipped = 0
+
+    def judge(self, view: TruePicture, number: int, size: tuple[int, int]) -> None:
+        """Figures of a view at a size; a view without a known pixel or point is skipped."""
+        shot = scaled(view, *size)
+        seen = project_scan(self.scan, shot, self.seed + number)
+        known = torch.ones(size[::-1], dtype=torch.bool) if shot.usable is None else torch.from_numpy(shot.usable)
+        if not known.any() or not len(seen.z):
+            self.skipped += 1
+            return
+        truth = torch.from_numpy(shot.rgb()).permute(2, 0, 1).float() / 255
+        for density in self.densities:
+            shown = Shown(self.scan, thinned(seen, density), self.spacing / density**0.5, density, self.name, view)
+            for method in self.methods:
+                made = method.picture(shown)
+                self.pictures.append({
+                    "place": self.name, "view": view.name or str(number), **self._key(method, size, density),
                     "psnr": masked_psnr(made, truth, known), "ssim": known_ssim(made, truth, known),
                     "known": float(known.float().mean()),
-                    **distances(torch.where(known, made, truth).to(device), truth.to(device)),
+                    **self.distances(torch.where(known, made, truth).to(self.device), truth.to(self.device)),
                 })
-        for size, density, method in product(sizes, densities, methods):
-            camera = scaled_camera(chosen[0], *size)
-            taken = _times(scan, camera, method, density, spacing, device, repeats)
-            seconds.setdefault((method.name, *size, density), []).append(taken)
+
+    def time(self, view: TruePicture, sizes: Sequence[tuple[int, int]], repeats: int) -> None:
+        """Durations of the methods in a view."""
+        for size in sizes:
+            seen = project_scan(self.scan, scaled(view, *size), self.seed)
+            for density, method in product(self.densities, self.methods):
+                shown = Shown(self.scan, thinned(seen, density), self.spacing / density**0.5, density, self.name, view)
+                taken = method.seconds(shown, repeats)
+                if taken is not None:
+                    self.times.append({"place": self.name, **self._key(method, size, density), "frame_s": taken[0],
+                                       "network_s": taken[1]})
+
+    @staticmethod
+    def _key(method: PaperMethod, size: tuple[int, int], density: float) -> dict:
+        return dict(zip(_KEY, (method.name, *size, density), strict=True))
+
+
+def _means(pictures: list[dict], times: list[dict]) -> list[dict]:
+    """Mean figures and times of each method, size and density; null where a time was not measured."""
+    def grouped(rows: list[dict]) -> dict[tuple, list[dict]]:
+        groups: dict[tuple, list[dict]] = {}
+        for row in rows:
+            groups.setdefault(tuple(row[name] for name in _KEY), []).append(row)
+        return groups
+
+    taken = grouped(times)
     rows = []
-    for key, values in figures.items():
-        name, width, height, density = key
-        means = {figure: float(np.mean([v[figure] for v in values])) for figure in values[0]}
-        whole, alone = np.mean(seconds[key], axis=0).tolist()
-        rows.append({"method": name, "width": width, "height": height, "density": density, "views": len(values), **means,
-                     "frame_s": whole, "network_s": alone})
-    return {
-        "places": [place.name for place in places], "points": points, "device": _device_name(device), "precision": precision,
-        "skipped": skipped, "lpips": f"LPIPS ({backbone})" if distances.lpips is not None else "not available",
-        "lpips_missing": distances.missing, "squeeze": distance_path is not None, "rows": rows,
-    }
+    for key, held in grouped(pictures).items():
+        figures = [name for name in held[0] if name not in (*_KEY, "place", "view")]
+        means = {name: float(np.mean([row[name] for row in held])) for name in figures}
+        spent = {name: float(np.mean([row[name] for row in taken[key]])) if key in taken else None
+                 for name in ("frame_s", "network_s")}
+        rows.append({**dict(zip(_KEY, key, strict=True)), "views": len(held), **means, **spent})
+    return rows
 
 
-def _picture(seen: Projected, keep: Tensor, spacing: float, method: _Method, device: str) -> Tensor:
-    raster = raster_of(seen, keep, spacing)
-    made = network_input(raster, method.mask(raster.depth), seen.camera.fx, spacing)
-    return method.reconstruct(made.to(device))
+def _chosen(held: Sequence[TruePicture], views: int | None) -> list[TruePicture]:
+    count = len(held) if views is None else min(views, len(held))
+    return [held[i] for i in np.linspace(0, len(held) - 1, count).astype(int)]
 
 
-def scaled_camera(view: TruePicture, width: int, height: int) -> SimpleNamespace:
-    """The camera of :func:`scaled`, without the picture."""
-    scale = max(width / view.width, height / view.height)
-    cx, cy = (view.cx - view.width / 2) * scale + width / 2, (view.cy - view.height / 2) * scale + height / 2
-    fl = view.fl * scale
-    return SimpleNamespace(width=width, height=height, fx=fl, fy=fl, cx=cx, cy=cy, camera_to_world=view.camera_to_world)
-
-
-@torch.inference_mode()
-def _times(scan: Scan, camera: SimpleNamespace, method: _Method, density: float, spacing: float, device: str,
-           repeats: int) -> tuple[float, float]:
-    """Median seconds of a frame, from points on the device to the picture, and of the network alone (0 without one)."""
-    chosen = np.random.default_rng(0).random(len(scan.xyz)) < density
-    origin = camera.camera_to_world[:3, 3]
-    xyz = torch.from_numpy((scan.xyz[chosen] - origin).astype(np.float32)).to(device)
-    rgb = torch.from_numpy(scan.rgb[chosen]).to(device)
-    rotation = torch.from_numpy((camera.camera_to_world[:3, :3] * (1.0, -1.0, -1.0)).astype(np.float32)).to(device)
-    apart = spacing / density**0.5
-    soft = SoftZ.preset("auto", apart, 1.0)
-
-    def frame() -> Tensor:
-        x, y, z = (xyz @ rotation).unbind(1)
-        index, inside = pixels(x, y, z, camera)
-        raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft)
-        return network_input(raster, method.mask(raster.depth), camera.fx, apart)
-
-    made = frame()
-    whole = _median_seconds(lambda: method.reconstruct(frame()), device, repeats)
-    alone = 0.0 if method.network is None else _median_seconds(lambda: method.reconstruct(made), device, repeats)
-    return whole, alone
-
-
-def _median_seconds(work: Callable[[], Tensor], device: str, repeats: int) -> float:
-    taken = []
-    for number in range(repeats + 1):
-        begun = perf_counter()
-        work()
-        if device.startswith("cuda"):
-            torch.cuda.synchronize()
-        if number:  # the first run warms up
-            taken.append(perf_counter() - begun)
-    return float(np.median(taken))
+def _check_unique(what: str, names: list[str]) -> None:
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise DataError(f"two {what}s have the name {twice[0]!r}", remedy="rename one")
 
 
 def _device_name(device: str) -> str:
     if device.startswith("cuda"):
         return torch.cuda.get_device_name(device)
     return f"{processor_name()}, {torch.get_num_threads()} threads"
-
-
-def format_paper_table(result: dict) -> str:
-    """The result as text, followed by the published rows."""
-    def figure(value: float, digits: int) -> str:
-        return "-" if np.isnan(value) else f"{value:.{digits}f}"
-
-    points = ", ".join(f"{n / 1e6:.2f}M" for n in result["points"][:5]) + (", ..." if len(result["points"]) > 5 else "")
-    lines = [
-        f"{len(result['places'])} places ({points} points); only pixels the scan covers count (their share: column known)",
-        f"frames/s: reference implementation in torch, projection to picture; network/s: the network alone; "
-        f"{result['device']}, {result['precision']}",
-        f"LPIPS: {result['lpips']}" + (f" ({result['lpips_missing']})" if result["lpips_missing"] else "")
-        + "; [0,1] as in the published code, [-1,1] as defined",
-    ]
-    if result["skipped"]:
-        lines.append(f"{result['skipped']} pictures left out, as the scan covers none of their pixels")
-    head = (f"{'method':24} {'size':>10} {'points':>7} {'PSNR':>6} {'LPIPS[0,1]':>13} {'LPIPS[-1,1]':>13} {'SqueezeNet':>13} "
-            f"{'SSIM':>6} {'frames/s':>9} {'network/s':>9} {'known':>6}")
-    lines.append(head)
-    no_lpips, no_squeeze = result["lpips"] == "not available", not result["squeeze"]
-
-    def distance(value: float, absent: bool) -> str:
-        return "not available" if absent else figure(value, 3)
-
-    for row in sorted(result["rows"], key=lambda r: (-r["width"], -r["density"], r["method"] != NO_NETWORK, r["method"])):
-        network = "-" if row["method"] == NO_NETWORK else f"{1 / row['network_s']:.2f}"
-        lines.append(
-            f"{row['method']:24} {row['width']:>5}x{row['height']:<4} {row['density']:>7.0%} {figure(row['psnr'], 2):>6} "
-            f"{distance(row['lpips_published'], no_lpips):>13} {distance(row['lpips'], no_lpips):>13} "
-            f"{distance(row['squeeze'], no_squeeze):>13} {figure(row['ssim'], 3):>6} {1 / row['frame_s']:>9.2f} {network:>9} "
-            f"{row['known']:>6.0%}"
-        )
-    for name, width, height, psnr, lpips, similar, rate in PUBLISHED:
-        lines.append(f"{name:24} {width:>5}x{height:<4} {'100%':>7} {psnr:>6.2f} {lpips:>13.2f} {'-':>13} {'-':>13} "
-                     f"{similar:>6.2f} {rate:>9.4g} {'-':>9} {'-':>6}")
-    lines.append("published rows: RTX 4090, 55 scenes of ScanNet++ v2, which may differ from the places above")
-    return "\n".join(lines)

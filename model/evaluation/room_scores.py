@@ -20,6 +20,7 @@ from ..common.errors import DataError
 from ..data.dataset import Scan, TruePicture
 from ..data.stations import RoomView, StationScene, load_scene, scan_stations
 from ..data.surfaces.projected import Projected, project_scan, scan_spacing
+from .made_with import made_with
 from .methods import (
     OURS,
     TRUE,
@@ -28,6 +29,8 @@ from .methods import (
     Open3DMethod,
     ViewPoints,
     network_method,
+    own_method,
+    own_network_method,
     plain_methods,
     thinned,
     timings,
@@ -41,6 +44,7 @@ from .metrics.image_metrics import WINDOW
 from .metrics.perceptual import perceptual
 from .open3d_points import Open3DError, Open3DPoints
 from .outside import Outside, open_outside
+from .own_methods import OwnNetwork, OwnPicture
 from .worse import Case, Worst, summary
 
 EXPOSURES = ("scanned", "matched")
@@ -238,7 +242,7 @@ def evaluate(
     folder: Path, *, densities: Sequence[float] = (1.0, 0.1), weights: dict[str, Path] | None = None,
     distance_path: Path | None = None, views: int | None = None, seed: int = 11, exposures: Sequence[str] = ("scanned",),
     outside: dict[str, Path] | None = None, flicker: bool = True, frames: int | None = FRAMES, open3d: bool = True,
-    fast: bool = False, worst: Worst | None = None,
+    fast: bool = False, worst: Worst | None = None, functions: Sequence[OwnPicture] = (), networks: Sequence[OwnNetwork] = (),
 ) -> dict:
     """Evaluates a scene folder in the format of ``renders/``.
 
@@ -246,8 +250,9 @@ def evaluate(
     rendered at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: whether to measure it,
     if the scene has a path of at least two frames; frames: number of them (None: all).  fast: only the filled picture and the
     networks, without Open3D, durations, flicker and the perceptual distance of invented pixels.  worst: collects the pictures
-    of the worst view.  Returns a dict for JSON: ``rows``, ``flicker``, ``exposures`` (gains), ``absent`` (method or metric ->
-    reason).  Raises DataError and WeightsError before the slow part.
+    of the worst view.  functions, networks: methods of your own.  Returns a dict for JSON: ``rows``, ``flicker``,
+    ``exposures`` (gains), ``absent`` (method or metric -> reason), version, seed and weights.  Raises DataError and
+    WeightsError before the slow part, apart from what a function of yours returns.
     """
     densities = tuple(dict.fromkeys(densities))
     bad = [density for density in densities if not 0 < density <= 1]
@@ -263,9 +268,10 @@ def evaluate(
     along = middle_stretch(scene.path, frames) if flicker and not fast and len(scene.path) > 1 else []
     methods = [method for method in plain_methods() if not fast or method.name == WEIGHTED]
     methods += [network_method(name, path) for name, path in (weights or {}).items()]
-    taken = sorted({method.name for method in methods} & set(outside or {}))
-    if taken:
-        raise DataError(f"--outside {taken[0]}: a method of this name is compared already", remedy="choose another name")
+    methods += [own_network_method(network) for network in networks]
+    names = [*(method.name for method in methods), *(function.name for function in functions), *(outside or {})]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise DataError(f"a method of the name {twice[0]!r} is compared already", remedy="choose another name")
     others = open_outside(outside or {}, shots, along, densities)
     distance, distance_name = perceptual(distance_path)
     absent: dict[str, str] = {}
@@ -276,8 +282,10 @@ def evaluate(
         except Open3DError as error:
             absent["Open3D"] = str(error)
     try:
+        scan = scan_stations(scene, seed)
+        methods += [own_method(function, scan) for function in functions]
         work = Evaluation(
-            scene.name, scan_stations(scene, seed), methods, densities=densities, exposures=tuple(exposures), seed=seed,
+            scene.name, scan, methods, densities=densities, exposures=tuple(exposures), seed=seed,
             open3d=Open3DMethod(renderer) if renderer else None, outside=others, distance=distance, fast=fast, worst=worst,
         )
         rows = work.rows(shots)
@@ -287,7 +295,8 @@ def evaluate(
             renderer.close()
     solved = work.solved
     return {
-        "scene": scene.name, "views": len(shots), "distance": distance_name, "seed": seed, "points": len(work.scan.xyz),
+        **made_with(weights or {}, seed),
+        "scene": scene.name, "views": len(shots), "distance": distance_name, "points": len(work.scan.xyz),
         "threads": torch.get_num_threads(), "frames": len(along),
         "exposures": None if solved is None else {"gains": solved.gains.tolist(), "matched": solved.matched.tolist()},
         "absent": absent | work.absent, "rows": rows, "flicker": moving,

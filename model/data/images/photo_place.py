@@ -135,6 +135,11 @@ class CoveredPicture:
         self._known: np.ndarray | None = None  # packed bits: a place may have hundreds of photographs
 
     @property
+    def name(self) -> str:
+        """The photograph's."""
+        return self.photograph.name
+
+    @property
     def width(self) -> int:
         return self.photograph.width
 

@@ -29,6 +29,11 @@ class Photograph:
     mask: Path | None = None
 
     @property
+    def name(self) -> str:
+        """Of the file, without its ending."""
+        return self.path.stem
+
+    @property
     def width(self) -> int:
         return self.lens.width
 

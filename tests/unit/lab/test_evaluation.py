@@ -34,13 +34,15 @@ def result(room, squeeze, tmp_path_factory):
     scene = load_scene(room)
     for shot in (*scene.views, *scene.path):
         Image.fromarray(shot.rgb()).save(outside / f"{Path(shot.rgb_file).stem}.png")
+    paper = tmp_path_factory.mktemp("weights") / "paper.safetensors"
+    paper.write_bytes(b"replaced below")
     torch.manual_seed(1)
     narrow = PaperUNet(4).eval().requires_grad_(False), {"quality": "paper", "input": "filtered"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(methods_module, "load_weights", lambda path: narrow if path.stem == "paper" else load_weights(path))
         return evaluate(
             room, densities=(1.0, 0.3), distance_path=squeeze, exposures=("scanned", "matched"), outside={"oracle": outside},
-            weights={"fast": weights_dir() / "fast-filtered.safetensors", "paper": Path("paper.safetensors")},
+            weights={"fast": weights_dir() / "fast-filtered.safetensors", "paper": paper},
             open3d=False, views=2,
         )
 

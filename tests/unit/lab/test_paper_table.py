@@ -16,7 +16,9 @@ from pointglass.model.data.dataset import MemoryPicture
 from pointglass.model.data.images.lens import Lens
 from pointglass.model.data.images.photo_place import PhotoPlace
 from pointglass.model.evaluation.metrics.image_metrics import ssim
-from pointglass.model.evaluation.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
+from pointglass.model.evaluation.paper_methods import scaled
+from pointglass.model.evaluation.paper_report import format_paper_table
+from pointglass.model.evaluation.paper_table import NO_NETWORK, known_ssim, paper_table
 from pointglass.model.network.unet import make_network
 from pointglass.model.network.weights import save_weights
 

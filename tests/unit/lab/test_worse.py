@@ -87,7 +87,7 @@ def test_a_network_is_counted_against_what_goes_into_it(room, monkeypatch):
     for gain in (1.0, 0.5):
         monkeypatch.setattr(scene_module, "network_method", method(gain))
         worst = Worst()
-        found = scene_module.evaluate(room, densities=(1.0,), weights={"n": Path("n")}, views=3, fast=True, worst=worst)
+        found = scene_module.evaluate(room, densities=(1.0,), weights={"n": Path(__file__)}, views=3, fast=True, worst=worst)
         rows[gain] = next(row for row in found["rows"] if row["method"] == "network n")["against_filled"]
         assert worst.case is not None and [p.shape for p in worst.pictures] == [(36, 48, 3)] * 3
     assert rows[1.0]["worse"]["psnr"] == rows[1.0]["worse"]["ssim"] == 0 and rows[1.0]["ratio"] == pytest.approx(1)

@@ -25,7 +25,8 @@ SIZE = (960, 720)
 VIEWS = 8
 """Default number of viewpoints: the benches' named views."""
 _IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "paper_table": False,
-            "split": "val", "camera": "dslr", "worst": None, "fast": False}
+            "split": "val", "camera": "dslr", "worst": None, "fast": False, "csv": None, "latex": None, "method": [],
+            "network": []}
 """Options for rooms, which are ignored for a scan, with their defaults."""
 
 
@@ -84,6 +85,7 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     is visible.
     """
     from ....model.evaluation.heldout import Withheld
+    from ....model.evaluation.made_with import made_with
     from ....model.evaluation.methods import WEIGHTED, network_method, plain_methods
     from ...grid.open_scene import open_scene
     from .judged_viewpoints import judged_viewpoints, station_viewpoints
@@ -109,7 +111,7 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
                          remedy="open it and check the positions of its points")
     return {"scan": path.name, "points": len(scan.xyz), "withheld": work.share, "spacing": spacing, "size": list(size),
             "views": [viewpoint.name for viewpoint in viewpoints], "stations": [viewpoint.name for viewpoint in stations],
-            "seed": work.seed, "rows": work.rows()}, rows
+            **made_with(weights, work.seed), "rows": work.rows()}, rows
 
 
 def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray | None:
