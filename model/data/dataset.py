@@ -27,7 +27,7 @@ def reason(error: Exception) -> str:
 
 
 @dataclass(frozen=True)
-class Scan:
+class MergedScan:
     """A merged, coloured scan.
 
     xyz: (N, 3) float64 metres.  rgb: (N, 3) uint8 sRGB.  station: (N,) uint8.  places: (S, 3) float64 scanner positions, None
@@ -91,7 +91,7 @@ class TruePlace(Protocol):
     @property
     def views(self) -> Sequence[TruePicture]: ...
 
-    def scan(self, seed: int) -> Scan: ...
+    def scan(self, seed: int) -> MergedScan: ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ from ..common.errors import DataError
 from ..common.files.temporary import temporary_folder
 from ..reference.depth_filter import keep_mask
 from ..reference.projection import MEASURED_CHANNELS, measured_input
-from .dataset import Scan, TruePicture, TruePlace
+from .dataset import MergedScan, TruePicture, TruePlace
 from .images.downsample import reduced_colour, reduced_share
 from .surfaces.diffuse import diffuse
 from .surfaces.painting import Painting, make_painting, paint_picture, painted
@@ -177,7 +177,7 @@ class PhotographedPlace(Protocol):
 class _Colouring:
     """The colours of one picture's points and truth.  painting: of the place; None: not painted."""
 
-    scan: Scan
+    scan: MergedScan
     view: TruePicture
     spacing: float
     diffuse: bool

@@ -17,7 +17,7 @@ from ..synth.panorama import Passer, with_passers
 from ..synth.place import Place
 from ..synth.rooms import DEPTH, WIDTH
 from ..synth.scanner import ScannerModel, VirtualScanner
-from .dataset import MemoryPicture, Scan, TruePicture
+from .dataset import MemoryPicture, MergedScan, TruePicture
 
 KINDS = ("room", "street", "thing")
 CLEAR = 0.35
@@ -72,11 +72,11 @@ class ProceduralPlace:
             found.append((camera_towards(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
         return found
 
-    def scan(self, seed: int) -> Scan:
+    def scan(self, seed: int) -> MergedScan:
         """A scan of two to four stations (objects: two or three) with exposures within 12 % of their mean, cached."""
         return _scan(self, seed)
 
-    def traced(self, seed: int) -> Scan:
+    def traced(self, seed: int) -> MergedScan:
         """The same, not cached."""
         rng = np.random.default_rng([43, KINDS.index(self.kind), self.seed, seed])
         count = int(rng.integers(2, 4 if self.kind == "thing" else 5))
@@ -97,7 +97,7 @@ class ProceduralPlace:
             xyz, rgb, _, station, _ = scanner.station(spot, self.pulses, rng, gains[number], number)
             parts.append((xyz, rgb, station))
         xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        return Scan(xyz, rgb, station, np.stack(spots))
+        return MergedScan(xyz, rgb, station, np.stack(spots))
 
     def picture(self, number: int) -> MemoryPicture:
         """The view of a number, not cached."""
@@ -195,7 +195,7 @@ def _picture(shot: ProceduralPicture) -> MemoryPicture:
 
 
 @lru_cache(maxsize=_SCANS)
-def _scan(place: ProceduralPlace, seed: int) -> Scan:
+def _scan(place: ProceduralPlace, seed: int) -> MergedScan:
     return place.traced(seed)
 
 

@@ -16,7 +16,7 @@ from PIL import Image
 from ..common.errors import DataError
 from ..synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from ..synth.scanner import ScannerModel, VirtualScanner
-from .dataset import FAR, MAX_FOCAL, Scan, reason
+from .dataset import FAR, MAX_FOCAL, MergedScan, reason
 from .images.photos import wrong_pictures
 
 
@@ -73,7 +73,7 @@ class StationScene:
     views: list[RoomView]
     path: list[RoomView] = field(default_factory=list)
 
-    def scan(self, seed: int) -> Scan:
+    def scan(self, seed: int) -> MergedScan:
         """The merged scan of the stations, degraded with this seed.
 
         A share INSTRUMENT_SHARE of the scans is sampled like an instrument's, the others have one return per pixel.  A share
@@ -194,7 +194,7 @@ def station_gains(model: ScanModel, count: int, rng: np.random.Generator) -> np.
     return gains / gains.mean()
 
 
-def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
+def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> MergedScan:
     """The merged scan of all stations of a scene, one return per pixel, with the errors of ``model`` and the given seed."""
     model = model or ScanModel()
     rng = np.random.default_rng(seed)
@@ -216,7 +216,7 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
             scale = np.where(mixed, scale * (1 + rng.uniform(-MIXED_RANGE, MIXED_RANGE, len(xyz))), scale)
             noisy = rgb * balance + rng.normal(0, model.colour_noise, rgb.shape)
             parts.append((centre + ray * scale[:, None] + shift, np.clip(np.rint(noisy), 0, 255).astype(np.uint8), index))
-    return Scan(
+    return MergedScan(
         np.concatenate([p[0] for p in parts]),
         np.concatenate([p[1] for p in parts]),
         np.concatenate([np.full(len(p[0]), p[2], np.uint8) for p in parts]),
@@ -240,7 +240,7 @@ def panorama(faces: list[RoomView]) -> Panorama:
     return Panorama(rotations, faces[0].fl, depth, np.stack([face.rgb() for face in faces]))
 
 
-def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
+def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = None) -> MergedScan:
     """The stations sampled like a terrestrial scanner's.
 
     It has the scanner's angular grid and limited vertical field of view, the blind cone under the tripod, noise that grows with
@@ -266,7 +266,7 @@ def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = No
         rgb = np.clip(np.rint(rgb * gains[number]), 0, 255).astype(np.uint8)
         parts.append((from_z_up(xyz, UP), rgb, station))
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return Scan(xyz, rgb, station, station_places(scene))
+    return MergedScan(xyz, rgb, station, station_places(scene))
 
 
 def _passers(position: np.ndarray, rng: np.random.Generator) -> list[Passer]:

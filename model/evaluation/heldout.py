@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
 from ..appearance.noise import NoiseModel
-from ..data.dataset import Scan, TruePicture
+from ..data.dataset import MergedScan, TruePicture
 from ..data.heldout import HELD_OUT, Targets, targets
 from ..data.surfaces.projected import Projected, project_scan
 from ..network.unet import LUMA
@@ -134,7 +134,7 @@ class Withheld:
     found: errors by (withheld points, method, density), one entry per view.
     """
 
-    scan: Scan
+    scan: MergedScan
     spacing: float
     methods: list[Method]
     densities: Sequence[float]

@@ -18,7 +18,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ..appearance.noise import NoiseModel
-from ..data.dataset import Scan
+from ..data.dataset import MergedScan
 from ..data.surfaces.projected import Projected, seen_noise
 from ..network.unet import CompactUNet, mac_per_pixel
 from ..network.weights import load_weights
@@ -177,7 +177,7 @@ def own_network_method(network: OwnNetwork) -> Method:
     return Method(network.name, lambda view_points: view_points.input(OURS, weighted=True), OURS, network, math.nan, True)
 
 
-def own_method(function: OwnPicture, scan: Scan) -> Method:
+def own_method(function: OwnPicture, scan: MergedScan) -> Method:
     """A function of your own, of the points of ``scan`` that are in view."""
     return Method(function.name, lambda view_points: function.picture(scan, view_points.seen), None)
 

@@ -1,9 +1,9 @@
 """Methods and networks of your own in an evaluation: an object in a Python file, given as ``NAME=FILE.py:OBJECT``.
 
 ``--method``: OBJECT is a function ``picture(scan, camera)``.  It gets the points of one view at one density, which every other
-method gets, as a :class:`model.data.dataset.Scan` (``xyz`` (N, 3) float64 metres, ``rgb`` (N, 3) uint8 sRGB, ``station`` (N,)
-uint8, ``places`` (S, 3) or None), and a :class:`PinholeCamera`.  It returns the picture (H, W, 3), uint8 or floats from 0 to
-1, as an array or a tensor.
+method gets, as a :class:`model.data.dataset.MergedScan` (``xyz`` (N, 3) float64 metres, ``rgb`` (N, 3) uint8 sRGB,
+``station`` (N,) uint8, ``places`` (S, 3) or None), and a :class:`PinholeCamera`.  It returns the picture (H, W, 3), uint8 or
+floats from 0 to 1, as an array or a tensor.
 
 ``--network``: OBJECT is a function without arguments that returns a torch.nn.Module.  The module gets (1, 6, H, W) float32, the
 input of pointglass's own networks (:func:`model.reference.projection.filled_input`): RGB 0..1 filled by pull-push behind the
@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 
 from ..common.errors import DataError
-from ..data.dataset import Scan
+from ..data.dataset import MergedScan
 from ..data.surfaces.projected import Projected
 
 
@@ -79,10 +79,10 @@ class OwnPicture:
         """In tables."""
         return self.made_by.name
 
-    def picture(self, scan: Scan, seen: Projected) -> Tensor:
+    def picture(self, scan: MergedScan, seen: Projected) -> Tensor:
         """(3, H, W) in 0..1 from the points ``seen`` of a scan.  Raises DataError where the function returns something else."""
         rows = seen.point.numpy()
-        given = Scan(scan.xyz[rows], seen.rgb.numpy(), scan.station[rows], scan.places)
+        given = MergedScan(scan.xyz[rows], seen.rgb.numpy(), scan.station[rows], scan.places)
         camera = PinholeCamera.of(seen)
         made = self.made_by(given, camera)
         return _planes(made, (camera.height, camera.width, 3), self.made_by.what)

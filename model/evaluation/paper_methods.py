@@ -13,7 +13,7 @@ from PIL import Image, UnidentifiedImageError
 from torch import Tensor, nn
 
 from ..common.errors import DataError
-from ..data.dataset import MemoryPicture, Scan, TruePicture
+from ..data.dataset import MemoryPicture, MergedScan, TruePicture
 from ..data.surfaces.projected import Projected, raster_of
 from ..network.reconstruct import PRECISIONS
 from ..network.unet import CompactUNet
@@ -32,7 +32,7 @@ class Shown:
     share of the points.  place: name.  view: the true picture at its own size.
     """
 
-    scan: Scan
+    scan: MergedScan
     seen: Projected
     spacing: float
     density: float

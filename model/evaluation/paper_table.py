@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from ..common.errors import DataError
 from ..common.system import processor_name
-from ..data.dataset import Scan, TruePicture, TruePlace
+from ..data.dataset import MergedScan, TruePicture, TruePlace
 from ..data.images.photo_place import PhotoPlace
 from ..data.surfaces.projected import project_scan, scan_spacing
 from ..network.reconstruct import fast_precision
@@ -156,8 +156,8 @@ def _unfinished(earlier: dict | None) -> dict[str, Any]:
 class _Place:
     """Figures and times of all methods at one place."""
 
-    def __init__(self, name: str, scan: Scan, methods: list[PaperMethod], densities: Sequence[float], distances: Distances,
-                 device: str, seed: int):
+    def __init__(self, name: str, scan: MergedScan, methods: list[PaperMethod], densities: Sequence[float],
+                 distances: Distances, device: str, seed: int):
         self.name, self.scan, self.methods, self.densities = name, scan, methods, densities
         self.distances, self.device, self.seed = distances, device, seed
         self.spacing = scan_spacing(scan)

@@ -17,7 +17,7 @@ from tqdm import tqdm
 from ..appearance.exposure import Exposures, exposures_of
 from ..appearance.noise import estimate_noise
 from ..common.errors import DataError
-from ..data.dataset import Scan, TruePicture
+from ..data.dataset import MergedScan, TruePicture
 from ..data.stations import RoomView, StationScene, load_scene, scan_stations
 from ..data.surfaces.projected import Projected, project_scan, scan_spacing
 from .made_with import made_with
@@ -86,8 +86,9 @@ class Evaluation:
     fast: without durations and the perceptual distance of invented pixels.  worst: collects the pictures of the worst view.
     """
 
-    def __init__(self, name: str, scan: Scan, methods: list[Method], *, densities: Sequence[float], exposures: Sequence[str],
-                 seed: int, open3d: Open3DMethod | None, outside: list[Outside], distance: torch.nn.Module | None,
+    def __init__(self, name: str, scan: MergedScan, methods: list[Method], *, densities: Sequence[float],
+                 exposures: Sequence[str], seed: int, open3d: Open3DMethod | None, outside: list[Outside],
+                 distance: torch.nn.Module | None,
                  fast: bool = False, worst: Worst | None = None):
         self.name, self.scan, self.methods, self.seed = name, scan, methods, seed
         self.densities, self.exposures = densities, exposures

@@ -20,7 +20,7 @@ def hex_colour(text: str) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """Appearance of a primitive.
 
     material: a name in `textures.NAMES`.  colour, accent: sRGB, '#rrggbb'.  shininess: 0 matt to 1 mirror.  glow: emitted
@@ -38,7 +38,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Finish:
-    """The looks of P primitives as arrays; see `Look`.
+    """The appearances of P primitives as arrays; see `Appearance`.
 
     material (P,) index into `textures.NAMES`; colour, accent, glow (P,3) linear; shininess (P,); outdoors (P,) bool; half (P,3)
     half extents, metres; seed (P,) int64.
@@ -81,46 +81,46 @@ class Builder:
     def _world(self, point) -> np.ndarray:
         return self._turn() @ np.asarray(point, np.float64) + self.shift
 
-    def _add(self, kind, params, centre, axes, look: Look, seed=None) -> None:
+    def _add(self, kind, params, centre, axes, look: Appearance, seed=None) -> None:
         """axes: (3,3) local to builder frame; its columns are the primitive's local axes."""
         rotation = (self._turn() @ axes).T
         number = self.seed * 1000 + len(self.rows) if seed is None else seed
         self.rows.append((kind, [*params, 0, 0, 0, 0][:4], self._world(centre), rotation, look, number))
 
-    def box(self, low, high, look: Look, seed=None) -> None:
+    def box(self, low, high, look: Appearance, seed=None) -> None:
         """The box between two corners."""
         low, high = np.asarray(low, float), np.asarray(high, float)
         self._add(BOX, (high - low) / 2, (low + high) / 2, np.eye(3), look, seed)
 
-    def turned_box(self, centre, half, look: Look, *, axes: np.ndarray, seed=None) -> None:
+    def turned_box(self, centre, half, look: Appearance, *, axes: np.ndarray, seed=None) -> None:
         """A box with half extents (3,) along the columns of ``axes`` (3,3)."""
         self._add(BOX, half, centre, axes, look, seed)
 
-    def cushion(self, centre, half, radius: float, look: Look, *, axes: np.ndarray | None = None) -> None:
+    def cushion(self, centre, half, radius: float, look: Appearance, *, axes: np.ndarray | None = None) -> None:
         """A box with rounded edges.  radius: metres, limited to the smallest half extent."""
         self._add(ROUND, [*half, min(radius, min(half) * 0.999)], centre, np.eye(3) if axes is None else axes, look)
 
-    def rod(self, a, b, radius: float, look: Look, *, end: float | None = None, caps: bool = True) -> None:
+    def rod(self, a, b, radius: float, look: Appearance, *, end: float | None = None, caps: bool = True) -> None:
         """A cylinder from a to b.  end: radius at b if it differs, metres.  caps: whether both ends are closed."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         params = (radius, radius if end is None else end, np.linalg.norm(b - a) / 2, float(caps))
         self._add(CYLINDER, params, (a + b) / 2, frame_along(b - a), look)
 
-    def capsule(self, a, b, radius: float, look: Look) -> None:
+    def capsule(self, a, b, radius: float, look: Appearance) -> None:
         """All points within ``radius`` of the segment from a to b."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         self._add(CAPSULE, (radius, np.linalg.norm(b - a) / 2), (a + b) / 2, frame_along(b - a), look)
 
-    def cable(self, points, radius: float, look: Look) -> None:
+    def cable(self, points, radius: float, look: Appearance) -> None:
         """Capsules along a polyline (K,3)."""
         for a, b in pairwise(points):
             self.capsule(a, b, radius, look)
 
-    def ball(self, centre, radii, look: Look) -> None:
+    def ball(self, centre, radii, look: Appearance) -> None:
         """An ellipsoid; radii: one number or three."""
         self._add(SPHERE, np.broadcast_to(radii, 3), centre, np.eye(3), look)
 
-    def quad(self, centre, right, up, look: Look, *, outline: int = 0, seed=None) -> None:
+    def quad(self, centre, right, up, look: Appearance, *, outline: int = 0, seed=None) -> None:
         """A flat patch.  right, up: perpendicular vectors (3,) of half its sides; outline: as for QUAD in `shapes`."""
         right, up = np.asarray(right, float), np.asarray(up, float)
         hx, hy = np.linalg.norm(right), np.linalg.norm(up)

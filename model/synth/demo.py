@@ -19,7 +19,7 @@ from ..common.files.folders import made_folder
 from ..common.files.temporary import temporary_file
 from ..common.seeds import MAX_SEED
 from .place import Place
-from .scanner import Scan, ScannerModel, VirtualScanner
+from .scanner import ScannerModel, SimulatedScan, VirtualScanner
 
 STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
 """(3, 3) scanner positions, metres.  Chosen by hand."""
@@ -57,7 +57,8 @@ def exposures(seed: int, count: int = len(STATIONS)) -> np.ndarray:
     return 1 + steps / 1024
 
 
-def simulate(points: int, seed: int = 1, *, place: Place | None = None, step: Callable[[int], object] | None = None) -> Scan:
+def simulate(points: int, seed: int = 1, *, place: Place | None = None,
+             step: Callable[[int], object] | None = None) -> SimulatedScan:
     """The scan of ``place`` (`Place(seed)` if None) from STATIONS.  seed: of the noise.
 
     step: called with the number of pulses traced since the last call, about 1.1 * ``points`` in total.
@@ -72,7 +73,7 @@ def simulate(points: int, seed: int = 1, *, place: Place | None = None, step: Ca
     return scan
 
 
-def write_laz(scan: Scan, path: Path) -> None:
+def write_laz(scan: SimulatedScan, path: Path) -> None:
     """Writes LAZ with an atomic write: a temporary file, then a rename.
 
     Coordinates in steps of SCALE, 16-bit colour (8-bit value * 257), intensity, and the station as point source ID.

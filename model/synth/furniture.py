@@ -5,20 +5,20 @@ Frame: metres, z up from the floor; the front of a piece faces +y unless its doc
 
 import numpy as np
 
-from .builder import Builder, Look, frame_along, tilt
+from .builder import Appearance, Builder, frame_along, tilt
 
-OAK = Look("wood", "#b98a58", "#8a5f37", 0.15)
-WALNUT = Look("wood", "#7a5236", "#4f3220", 0.2)
-BLACK = Look("plain", "#34343a", "#34343a", 0.25)
-STEEL = Look("plain", "#a9acb0", "#a9acb0", 0.8)
-WHITE = Look("plain", "#e6e4de", "#e6e4de", 0.2)
-BRASS = Look("plain", "#b08a45", "#b08a45", 0.7)
+OAK = Appearance("wood", "#b98a58", "#8a5f37", 0.15)
+WALNUT = Appearance("wood", "#7a5236", "#4f3220", 0.2)
+BLACK = Appearance("plain", "#34343a", "#34343a", 0.25)
+STEEL = Appearance("plain", "#a9acb0", "#a9acb0", 0.8)
+WHITE = Appearance("plain", "#e6e4de", "#e6e4de", 0.2)
+BRASS = Appearance("plain", "#b08a45", "#b08a45", 0.7)
 LYING = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 """(3, 3) local axes, in columns, of a book that lies flat: its spine faces +x and its thickness is along z."""
-LEAF = Look("leaf", "#5d9450", "#b2cc8a", 0.25)
+LEAF = Appearance("leaf", "#5d9450", "#b2cc8a", 0.25)
 
 
-def table(b: Builder, width: float, depth: float, height: float = 0.74, look: Look = OAK) -> None:
+def table(b: Builder, width: float, depth: float, height: float = 0.74, look: Appearance = OAK) -> None:
     """A table centred on the origin, with tapered legs and an apron."""
     x, y = width / 2, depth / 2
     b.cushion((0, 0, height - 0.016), (x, y, 0.016), 0.006, look)
@@ -31,7 +31,7 @@ def table(b: Builder, width: float, depth: float, height: float = 0.74, look: Lo
         b.box((-x + 0.1, sy * (y - 0.09) - 0.01, height - 0.1), (x - 0.1, sy * (y - 0.09) + 0.01, height - 0.032), look)
 
 
-def chair(b: Builder, frame: Look, seat: Look) -> None:
+def chair(b: Builder, frame: Appearance, seat: Appearance) -> None:
     """A dining chair with thin legs and a spindle back."""
     b.cushion((0, 0, 0.455), (0.21, 0.205, 0.022), 0.02, seat)
     for sx in (-1, 1):
@@ -45,7 +45,7 @@ def chair(b: Builder, frame: Look, seat: Look) -> None:
     b.cushion((0, -0.252, 0.84), (0.215, 0.012, 0.04), 0.01, frame)
 
 
-def sofa(b: Builder, width: float, cloth: Look, pillows: list[Look]) -> None:
+def sofa(b: Builder, width: float, cloth: Appearance, pillows: list[Appearance]) -> None:
     """A sofa whose back is at y = 0 and whose seat ends at y = 0.9."""
     w = width / 2
     b.cushion((0, 0.46, 0.24), (w, 0.42, 0.1), 0.04, cloth)
@@ -63,7 +63,7 @@ def sofa(b: Builder, width: float, cloth: Look, pillows: list[Look]) -> None:
         b.cushion((x, 0.47 + 0.05 * (k == 2), 0.65), (0.21, 0.06, 0.2), 0.058, look, axes=axes)
 
 
-def bookshelf(b: Builder, width: float, height: float, rng: np.random.Generator, look: Look = WALNUT) -> None:
+def bookshelf(b: Builder, width: float, height: float, rng: np.random.Generator, look: Appearance = WALNUT) -> None:
     """Shelves of books whose backs are at x = 0 and whose fronts face +x; y is 0 to ``width`` along a shelf."""
     depth, board = 0.29, 0.022
     b.box((0, 0, 0), (depth, board, height), look)
@@ -92,29 +92,29 @@ def _fill_shelf(b: Builder, start, stop, z, room, depth, rng, kind: int) -> None
         front = depth - 0.03 - rng.uniform(0, 0.025)
         if y + thick > end:
             break
-        book = Look("book", "#ffffff", "#ffffff", 0.15)
+        book = Appearance("book", "#ffffff", "#ffffff", 0.15)
         b.box((front - deep, y, z), (front, y + thick - 0.0015, z + tall), book, seed=int(rng.integers(1 << 20)))
         y += thick
     if kind and y < end + 0.1:  # a leaning book
         axes = tilt("x", 13)
         thick, tall = 0.012, room * 0.36
         centre = (depth - 0.13, y + 0.018 + tall * np.sin(np.radians(13)), z + tall * np.cos(np.radians(13)) + 0.003)
-        b.turned_box(centre, (0.085, thick, tall), Look("book"), axes=axes, seed=int(rng.integers(1 << 20)))
+        b.turned_box(centre, (0.085, thick, tall), Appearance("book"), axes=axes, seed=int(rng.integers(1 << 20)))
     at = (stop - 0.09, depth / 2 + 0.02)
     if kind == 1:
         colour = str(rng.choice(["#c9b79c", "#5b7f86", "#b0583c"]))
-        b.ball((at[1], at[0], z + 0.075), (0.06, 0.06, 0.075), Look("plain", colour, colour, 0.5))
-        b.rod((at[1], at[0], z + 0.135), (at[1], at[0], z + 0.2), 0.018, Look("plain", colour, colour, 0.5), end=0.027)
+        b.ball((at[1], at[0], z + 0.075), (0.06, 0.06, 0.075), Appearance("plain", colour, colour, 0.5))
+        b.rod((at[1], at[0], z + 0.135), (at[1], at[0], z + 0.2), 0.018, Appearance("plain", colour, colour, 0.5), end=0.027)
     elif kind == 2:
         for k in range(4):
             b.turned_box((depth / 2 + 0.02, stop - 0.13, z + 0.018 + 0.036 * k), (0.085, 0.017, 0.11 - 0.008 * k),
-                         Look("book"), axes=tilt("z", rng.uniform(-8, 8)) @ LYING, seed=int(rng.integers(1 << 20)))
+                         Appearance("book"), axes=tilt("z", rng.uniform(-8, 8)) @ LYING, seed=int(rng.integers(1 << 20)))
     elif kind == 3:
         colour = str(rng.choice(["#d9c9a3", "#8b9a86", "#35506b"]))
-        b.box((0.05, stop - 0.14, z), (depth - 0.04, stop, z + 0.16), Look("weave", colour, "#efe6d2"))
+        b.box((0.05, stop - 0.14, z), (depth - 0.04, stop, z + 0.16), Appearance("weave", colour, "#efe6d2"))
 
 
-def floor_lamp(b: Builder, shade: Look, bulb: Look) -> np.ndarray:
+def floor_lamp(b: Builder, shade: Appearance, bulb: Appearance) -> np.ndarray:
     """A floor lamp on three thin rods.  Returns the bulb's local position (3,)."""
     for angle in np.radians([20, 140, 260]):
         foot = (0.24 * np.cos(angle), 0.24 * np.sin(angle), 0)
@@ -125,7 +125,7 @@ def floor_lamp(b: Builder, shade: Look, bulb: Look) -> np.ndarray:
     return np.array([0, 0, 1.48])
 
 
-def pendant(b: Builder, ceiling: float, height: float, shade: Look, bulb: Look) -> np.ndarray:
+def pendant(b: Builder, ceiling: float, height: float, shade: Appearance, bulb: Appearance) -> np.ndarray:
     """A lamp on a cable from ``ceiling``.  height: of the lamp.  Returns the bulb's local position (3,)."""
     b.rod((0, 0, ceiling - 0.025), (0, 0, ceiling), 0.05, BLACK)
     b.capsule((0, 0, height + 0.2), (0, 0, ceiling - 0.02), 0.0035, BLACK)
@@ -137,10 +137,10 @@ def pendant(b: Builder, ceiling: float, height: float, shade: Look, bulb: Look) 
 
 def plant(b: Builder, rng: np.random.Generator, height: float = 1.5, stems: int = 11, pot: str = "#c9c2b4") -> None:
     """A potted plant: thin bent stems with pointed leaves."""
-    look = Look("plain", pot, pot, 0.3)
+    look = Appearance("plain", pot, pot, 0.3)
     b.rod((0, 0, 0), (0, 0, 0.32), 0.13, look, end=0.18, caps=False)
-    b.rod((0, 0, 0.27), (0, 0, 0.29), 0.17, Look("plaster", "#3b2b20", "#3b2b20"))
-    stem = Look("plain", "#5c7a3f", "#5c7a3f")
+    b.rod((0, 0, 0.27), (0, 0, 0.29), 0.17, Appearance("plaster", "#3b2b20", "#3b2b20"))
+    stem = Appearance("plain", "#5c7a3f", "#5c7a3f")
     for k in range(stems):
         angle = 2 * np.pi * (k + rng.uniform(-0.3, 0.3)) / stems
         out = np.array([np.cos(angle), np.sin(angle), 0])
@@ -180,10 +180,10 @@ def radiator(b: Builder, width: float) -> None:
     b.rod((width / 2 + 0.05, 0.05, 0), (width / 2 + 0.05, 0.05, 0.13), 0.009, STEEL)
 
 
-def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Look = BLACK, margin: float = 0.05) -> None:
+def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Appearance = BLACK, margin: float = 0.05) -> None:
     """A framed print on the wall y = 0 centred at (x, z), facing +y.  width: of the printed sheet; width / height is 0.7."""
     hx, hz, t = width / 2, width / 1.4, 0.014
-    b.quad((x, 0.012, z), (-hx, 0, 0), (0, 0, hz), Look("poster", shininess=0.1), seed=seed)
+    b.quad((x, 0.012, z), (-hx, 0, 0), (0, 0, hz), Appearance("poster", shininess=0.1), seed=seed)
     b.box((x - hx - margin, 0, z - hz - margin), (x + hx + margin, 0.009, z + hz + margin), WHITE)
     ox, oz = hx + margin, hz + margin
     for low, high in (((-ox - t, -oz - t), (ox + t, -oz)), ((-ox - t, oz), (ox + t, oz + t)),
@@ -194,21 +194,21 @@ def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Look
 def carton(b: Builder, x: float, y: float, z: float, size, yaw: float, rng: np.random.Generator) -> None:
     """A taped cardboard box whose bottom is at z.  size: (3,) metres; yaw: degrees."""
     half = np.asarray(size) / 2
-    b.turned_box((x, y, z + half[2]), half, Look("carton", "#b48a5a", "#d9b98c"), axes=tilt("z", yaw),
+    b.turned_box((x, y, z + half[2]), half, Appearance("carton", "#b48a5a", "#d9b98c"), axes=tilt("z", yaw),
                  seed=int(rng.integers(1 << 20)))
 
 
 def tableware(b: Builder, rng: np.random.Generator, z: float) -> None:
     """A bowl of fruit, mugs, plates, a jug with twigs and a magazine, around the origin on a table top at height z."""
-    bowl = Look("plain", "#3f6470", "#3f6470", 0.4)
+    bowl = Appearance("plain", "#3f6470", "#3f6470", 0.4)
     b.rod((0.1, 0.02, z), (0.1, 0.02, z + 0.08), 0.06, bowl, end=0.14, caps=False)
     for k, colour in enumerate(("#c8412c", "#d98a2b", "#8fa63a", "#d9b23c")):
         a = 1.57 * k + 0.4
-        b.ball((0.1 + 0.055 * np.cos(a), 0.02 + 0.055 * np.sin(a), z + 0.075), 0.04, Look("plain", colour, colour, 0.3))
+        b.ball((0.1 + 0.055 * np.cos(a), 0.02 + 0.055 * np.sin(a), z + 0.075), 0.04, Appearance("plain", colour, colour, 0.3))
     for x, y, colour in ((-0.45, -0.22, "#e8e3d6"), (0.5, 0.22, "#c46a43"), (-0.52, 0.2, "#e8e3d6")):
-        cup = Look("plain", colour, colour, 0.4)
+        cup = Appearance("plain", colour, colour, 0.4)
         b.rod((x, y, z), (x, y, z + 0.095), 0.036, cup, end=0.041, caps=False)
-        b.rod((x, y, z + 0.06), (x, y, z + 0.062), 0.037, Look("plain", "#3a2216", "#3a2216", 0.4))
+        b.rod((x, y, z + 0.06), (x, y, z + 0.062), 0.037, Appearance("plain", "#3a2216", "#3a2216", 0.4))
         angle = rng.uniform(0, 6.28)
         u = np.array([np.cos(angle), np.sin(angle), 0])
         ring = [np.array([x, y, z + 0.05]) + u * (0.04 + 0.024 * np.sin(s)) + np.array([0, 0, 0.026 * np.cos(s)])
@@ -216,10 +216,10 @@ def tableware(b: Builder, rng: np.random.Generator, z: float) -> None:
         b.cable(np.array(ring), 0.005, cup)
     for x, y in ((-0.25, 0.24), (0.3, -0.24)):
         b.rod((x, y, z), (x, y, z + 0.012), 0.07, WHITE, end=0.125)
-    jug = Look("plain", "#dcd5c4", "#dcd5c4", 0.3)
+    jug = Appearance("plain", "#dcd5c4", "#dcd5c4", 0.3)
     b.rod((-0.18, 0.0, z), (-0.18, 0.0, z + 0.12), 0.05, jug, end=0.06, caps=False)
     b.rod((-0.18, 0.0, z + 0.12), (-0.18, 0.0, z + 0.2), 0.06, jug, end=0.035, caps=False)
-    twig = Look("plain", "#5a4030", "#5a4030")
+    twig = Appearance("plain", "#5a4030", "#5a4030")
     for k in range(7):
         a, lean = 0.9 * k + rng.uniform(-0.2, 0.2), rng.uniform(0.05, 0.17)
         tip = np.array([-0.18 + lean * np.cos(a), lean * np.sin(a), z + rng.uniform(0.4, 0.55)])
@@ -227,11 +227,11 @@ def tableware(b: Builder, rng: np.random.Generator, z: float) -> None:
         b.cable(np.array([root, (root + tip) / 2 + rng.normal(0, 0.015, 3), tip]), 0.0028, twig)
         for s in (0.7, 0.85, 1.0):
             spot = root + (tip - root) * s + rng.normal(0, 0.012, 3)
-            b.ball(spot, 0.011, Look("plain", "#d9d3c0" if k % 2 else "#b9483c", "#b9483c"))
+            b.ball(spot, 0.011, Appearance("plain", "#d9d3c0" if k % 2 else "#b9483c", "#b9483c"))
     magazine(b, 0.42, -0.06, z, 25, int(rng.integers(1000)))
 
 
 def magazine(b: Builder, x: float, y: float, z: float, yaw: float, seed: int) -> None:
     """A magazine that lies at height z.  yaw: degrees."""
     axes = tilt("z", yaw)
-    b.turned_box((x, y, z + 0.003), (0.105, 0.14, 0.003), Look("page", shininess=0.3), axes=axes, seed=seed)
+    b.turned_box((x, y, z + 0.003), (0.105, 0.14, 0.003), Appearance("page", shininess=0.3), axes=axes, seed=seed)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..common.linear_light import LUMINANCE, to_linear, to_srgb
 from . import furniture as f
-from .builder import Builder, Look
+from .builder import Appearance, Builder
 from .place import SKY, Hits, pixel_rays, tone
 from .textures import Patch, albedo
 
@@ -82,8 +82,8 @@ class OpenPlace:
         return rgb, depth, (hits / len(steps)).astype(np.float32).reshape(height, width)
 
 
-def _outdoors(material: str, colour: str, accent: str = "#404040", shininess: float = 0.05) -> Look:
-    return Look(material, colour, accent, shininess, outdoors=True)
+def _outdoors(material: str, colour: str, accent: str = "#404040", shininess: float = 0.05) -> Appearance:
+    return Appearance(material, colour, accent, shininess, outdoors=True)
 
 
 def street(seed: int) -> OpenPlace:
@@ -165,7 +165,7 @@ def single_object(seed: int) -> OpenPlace:
     b = Builder(seed=seed)
     kind = seed % 5
     material = str(rng.choice(["wood", "plain", "plaster", "weave", "brick"]))
-    look = Look(material, str(rng.choice(_STONE)), str(rng.choice(_PAINT)), 0.2)
+    look = Appearance(material, str(rng.choice(_STONE)), str(rng.choice(_PAINT)), 0.2)
     if kind == 0:
         f.chair(b, f.OAK, look)
     elif kind == 1:
@@ -183,9 +183,9 @@ def single_object(seed: int) -> OpenPlace:
     return OpenPlace(b, rng.normal(size=3) + (0, 0, 1.5), 0.9)
 
 
-def _pipework(b: Builder, rng: np.random.Generator, look: Look) -> None:
+def _pipework(b: Builder, rng: np.random.Generator, look: Appearance) -> None:
     """A motor on a base, with pipes and flanges."""
-    metal = Look("plain", str(rng.choice(_PAINT)), "#404040", 0.4)
+    metal = Appearance("plain", str(rng.choice(_PAINT)), "#404040", 0.4)
     b.rod((-0.5, 0, 0.4), (0.3, 0, 0.4), rng.uniform(0.14, 0.24), metal)
     b.box((-0.6, -0.25, 0.0), (0.6, 0.25, 0.12), look)
     at = np.array([0.3, 0.0, 0.4])

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from . import furniture as f
-from .builder import Builder, Look, tilt
+from .builder import Appearance, Builder, tilt
 from .light import LAMP, SUN, WINDOW, Lights
 
 WIDTH, DEPTH, HEIGHT = 9.4, 4.6, 2.7
@@ -52,14 +52,14 @@ def furnish(seed: int) -> tuple[Builder, Lights]:
 def _shell(b: Builder, wall: str, accent: str) -> None:
     """Floors, ceiling, walls with openings, skirting boards, and the frames of windows and opening."""
     x0, x1 = PARTING
-    paint, white = Look("plaster", wall, wall), Look("plaster", "#efece5", "#efece5")
-    b.box((-SHELL, -SHELL, -0.2), (x0 + 0.075, DEPTH + SHELL, 0), Look("planks", "#b58a5c", "#855b38", 0.2))
-    b.box((x0 + 0.075, -SHELL, -0.2), (WIDTH + SHELL, DEPTH + SHELL, 0), Look("tiles", "#cfc8b8", "#3f5b66", 0.3))
+    paint, white = Appearance("plaster", wall, wall), Appearance("plaster", "#efece5", "#efece5")
+    b.box((-SHELL, -SHELL, -0.2), (x0 + 0.075, DEPTH + SHELL, 0), Appearance("planks", "#b58a5c", "#855b38", 0.2))
+    b.box((x0 + 0.075, -SHELL, -0.2), (WIDTH + SHELL, DEPTH + SHELL, 0), Appearance("tiles", "#cfc8b8", "#3f5b66", 0.3))
     b.box((-SHELL, -SHELL, HEIGHT), (WIDTH + SHELL, DEPTH + SHELL, HEIGHT + 0.2), white)
-    b.box((-SHELL, -SHELL, 0), (0, DEPTH + SHELL, HEIGHT), Look("plaster", accent, accent))
-    b.box((WIDTH, -SHELL, 0), (WIDTH + SHELL, DEPTH + SHELL, HEIGHT), Look("brick", "#a5583f", "#b9b0a2"))
+    b.box((-SHELL, -SHELL, 0), (0, DEPTH + SHELL, HEIGHT), Appearance("plaster", accent, accent))
+    b.box((WIDTH, -SHELL, 0), (WIDTH + SHELL, DEPTH + SHELL, HEIGHT), Appearance("brick", "#a5583f", "#b9b0a2"))
     b.box((0, -SHELL, 0), (x0, 0, HEIGHT), paint)
-    b.box((x0, -SHELL, 0), (WIDTH, 0, HEIGHT), Look("plaster", "#dfe3df", "#dfe3df"))
+    b.box((x0, -SHELL, 0), (WIDTH, 0, HEIGHT), Appearance("plaster", "#dfe3df", "#dfe3df"))
     y0, y1, top = OPENING
     b.box((x0, 0, 0), (x1, y0, HEIGHT), paint, seed=11)
     b.box((x0, y1, 0), (x1, DEPTH, HEIGHT), paint, seed=11)
@@ -95,7 +95,7 @@ def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
     b.cushion(((x0 + x1) / 2, DEPTH + 0.03, z0 - 0.015), ((x1 - x0) / 2 + 0.05, 0.13, 0.015), 0.01, f.WHITE)
     b.capsule(((x0 + x1) / 2, y - 0.05, z0 + 0.45), ((x0 + x1) / 2, y - 0.05, z0 + 0.57), 0.008, f.STEEL)
     b.capsule((x0 - 0.3, DEPTH - 0.09, z1 + 0.13), (x1 + 0.3, DEPTH - 0.09, z1 + 0.13), 0.011, f.BLACK)
-    cloth = Look("weave", "#d8cfbd", "#c7bba5")
+    cloth = Appearance("weave", "#d8cfbd", "#c7bba5")
     for side in (x0 - 0.25, x1 - 0.03):
         for k in range(7):
             x = side + 0.047 * k
@@ -106,24 +106,24 @@ def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
 def _outside(b: Builder) -> None:
     """The view out of the windows: a house across the street, a hedge and paving."""
     y = DEPTH + 7.0
-    look = Look("facade", "#a8745c", "#b9b2a6", outdoors=True)
+    look = Appearance("facade", "#a8745c", "#b9b2a6", outdoors=True)
     b.quad((5, y, 3.5), (-13, 0, 0), (0, 0, 5.5), look)
-    b.quad((5, y - 3.4, -0.6), (13, 0, 0), (0, 3.4, 0), Look("plaster", "#8d8b86", "#8d8b86", outdoors=True))
+    b.quad((5, y - 3.4, -0.6), (13, 0, 0), (0, 3.4, 0), Appearance("plaster", "#8d8b86", "#8d8b86", outdoors=True))
     rng = np.random.default_rng(5)
     for k in range(34):
         shade = ("#4b6b3a", "#57793f", "#3d5a33")[k % 3]
         spot = (-3 + 0.5 * k + rng.uniform(-0.1, 0.1), y - 2.6 + rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.25))
-        b.ball(spot, (0.42, 0.4, rng.uniform(0.55, 0.75)), Look("foliage", shade, "#1f2f1a", outdoors=True))
+        b.ball(spot, (0.42, 0.4, rng.uniform(0.55, 0.75)), Appearance("foliage", shade, "#1f2f1a", outdoors=True))
 
 
 def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug) -> np.ndarray:
     """Sofa, rug, low table, bookshelf, floor lamp, plant, prints, radiator.  Returns the position of the lamp's bulb (3,)."""
-    b.cushion((2.55, 2.05, 0.006), (1.3, 0.9, 0.006), 0.004, Look("rug", rug[0], rug[1]))
+    b.cushion((2.55, 2.05, 0.006), (1.3, 0.9, 0.006), 0.004, Appearance("rug", rug[0], rug[1]))
     with b.at(2.5, 0.06):
-        f.sofa(b, 2.25, Look("weave", sofa, "#9aa7ad"), [
-            Look("stripes", cushions[0], "#efe6d2"),
-            Look("weave", cushions[1], "#ffffff"),
-            Look("stripes", cushions[2], "#e9dfc7"),
+        f.sofa(b, 2.25, Appearance("weave", sofa, "#9aa7ad"), [
+            Appearance("stripes", cushions[0], "#efe6d2"),
+            Appearance("weave", cushions[1], "#ffffff"),
+            Appearance("stripes", cushions[2], "#e9dfc7"),
         ])
     with b.at(2.55 + rng.uniform(-0.05, 0.05), 2.0, 0.012, rng.uniform(-5, 5)):
         f.table(b, 1.05, 0.58, 0.4, f.WALNUT)
@@ -131,7 +131,7 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
         f.magazine(b, -0.25, 0.03, 0.406, -14, 7)
         f.magazine(b, 0.3, -0.12, 0.4, 40, 5)
         b.rod((0.25, 0.14, 0.4), (0.25, 0.14, 0.49), 0.036, f.WHITE, end=0.042, caps=False)
-        b.rod((0.02, -0.1, 0.4), (0.02, -0.1, 0.52), 0.028, Look("plain", "#7d9aa0", "#7d9aa0", 0.6), end=0.02)
+        b.rod((0.02, -0.1, 0.4), (0.02, -0.1, 0.52), 0.028, Appearance("plain", "#7d9aa0", "#7d9aa0", 0.6), end=0.02)
     with b.at(0.0, 1.25):
         f.bookshelf(b, 2.2, 2.12, rng)
         for k, size in enumerate(((0.3, 0.4, 0.2), (0.26, 0.3, 0.17))):
@@ -139,7 +139,7 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
         with b.at(0.17, 1.85, 2.12):
             f.plant(b, rng, 0.52, 7, "#b5694a")
     with b.at(0.48, 0.55):
-        bulb = f.floor_lamp(b, Look("weave", "#f1e3c4", "#e3d0a6", glow=(0.85, 0.62, 0.34)), _bulb()) + (0.48, 0.55, 0)
+        bulb = f.floor_lamp(b, Appearance("weave", "#f1e3c4", "#e3d0a6", glow=(0.85, 0.62, 0.34)), _bulb()) + (0.48, 0.55, 0)
     b.cable(_sag((0.48, 0.5, 0.02), (0.9, 0.02, 0.25), 0.0, 6), 0.004, f.BLACK)
     with b.at(4.62, 4.05):
         f.plant(b, rng, 1.75, 12)
@@ -150,21 +150,21 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
     with b.at(2.35, DEPTH - 0.13):
         f.radiator(b, 1.4)
     with b.at(3.95, 4.15, yaw=200):  # by the window
-        f.chair(b, f.BLACK, Look("weave", cushions[0], "#e9dfc7"))
+        f.chair(b, f.BLACK, Appearance("weave", cushions[0], "#e9dfc7"))
     b.capsule((*LANTERN[:2], LANTERN[2] + 0.2), (*LANTERN[:2], HEIGHT), 0.0035, f.BLACK)
-    b.ball(LANTERN, (0.21, 0.21, 0.185), Look("paper", "#f6ead2", "#c9b48c", glow=(1.1, 0.86, 0.56), casts=False))
+    b.ball(LANTERN, (0.21, 0.21, 0.185), Appearance("paper", "#f6ead2", "#c9b48c", glow=(1.1, 0.86, 0.56), casts=False))
     # A string of small lamps below the ceiling.
     anchors = [(0.05, 4.45, 2.55), (1.6, 4.3, 2.6), (3.3, 4.3, 2.6), (5.1, 4.4, 2.55)]
     for start, end in pairwise(anchors):
         line = _sag(start, end, 0.16, 12)
         b.cable(line, 0.003, f.BLACK)
         for p in line[1::2]:
-            b.ball(p - (0, 0, 0.022), (0.014, 0.014, 0.019), Look("plain", "#ffdca0", "#ffdca0", 0.3, (1.6, 1.1, 0.5)))
+            b.ball(p - (0, 0, 0.022), (0.014, 0.014, 0.019), Appearance("plain", "#ffdca0", "#ffdca0", 0.3, (1.6, 1.1, 0.5)))
     f.carton(b, 4.85, 0.3, 0.0, (0.42, 0.36, 0.3), 8, rng)
     f.carton(b, 4.87, 0.29, 0.3, (0.32, 0.28, 0.22), -11, rng)
-    b.rod((3.95, 0.35, 0), (3.95, 0.35, 0.46), 0.2, Look("weave", "#b99a6b", "#7c5f3a"), end=0.22)  # basket and side table
+    b.rod((3.95, 0.35, 0), (3.95, 0.35, 0.46), 0.2, Appearance("weave", "#b99a6b", "#7c5f3a"), end=0.22)  # basket, side table
     b.rod((3.95, 0.35, 0.46), (3.95, 0.35, 0.48), 0.23, f.OAK)
-    b.ball((3.93, 0.33, 0.56), (0.075, 0.075, 0.085), Look("plain", "#3f6470", "#3f6470", 0.5))
+    b.ball((3.93, 0.33, 0.56), (0.075, 0.075, 0.085), Appearance("plain", "#3f6470", "#3f6470", 0.5))
     return bulb
 
 
@@ -177,8 +177,8 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
         f.tableware(b, rng, 0.74)
         for x, y, yaw in ((-0.42, -0.62, 0), (0.42, -0.66, 0), (-0.4, 0.66, 180), (0.46, 0.8, 180)):
             with b.at(x + rng.uniform(-0.03, 0.03), y, 0, yaw + rng.uniform(-14, 14)):
-                f.chair(b, f.OAK if x < 0 else f.BLACK, Look("weave", "#cdbf9f", "#8d7f63"))
-        shade = Look("plain", "#2f4a4f", "#2f4a4f", 0.3)
+                f.chair(b, f.OAK if x < 0 else f.BLACK, Appearance("weave", "#cdbf9f", "#8d7f63"))
+        shade = Appearance("plain", "#2f4a4f", "#2f4a4f", 0.3)
         bulb = f.pendant(b, HEIGHT, 1.62, shade, _bulb()) + (cx, cy, 0)
     # Sideboard along the brick wall, with objects on it.
     with b.at(WIDTH, 1.0, yaw=90):
@@ -190,13 +190,13 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
         for x in (0.1, 1.6):
             for y in (0.08, 0.38):
                 b.rod((x, y, 0), (x, y, 0.16), 0.013, f.BLACK, end=0.02)
-        b.rod((0.25, 0.24, 0.78), (0.25, 0.24, 1.0), 0.055, Look("plain", "#b0583c", "#b0583c", 0.5), end=0.085)
-        b.rod((0.25, 0.24, 1.0), (0.25, 0.24, 1.09), 0.085, Look("plain", "#b0583c", "#b0583c", 0.5), end=0.035)
-        b.ball((0.5, 0.22, 0.86), 0.08, Look("plain", "#d8d2c2", "#d8d2c2", 0.3))
+        b.rod((0.25, 0.24, 0.78), (0.25, 0.24, 1.0), 0.055, Appearance("plain", "#b0583c", "#b0583c", 0.5), end=0.085)
+        b.rod((0.25, 0.24, 1.0), (0.25, 0.24, 1.09), 0.085, Appearance("plain", "#b0583c", "#b0583c", 0.5), end=0.035)
+        b.ball((0.5, 0.22, 0.86), 0.08, Appearance("plain", "#d8d2c2", "#d8d2c2", 0.3))
         for k in range(5):
             z = 0.78 + 0.032 * k
             axes = tilt("z", 90 + rng.uniform(-10, 10)) @ f.LYING
-            b.turned_box((0.85, 0.22, z + 0.015), (0.095, 0.0155, 0.13), Look("book"), axes=axes,
+            b.turned_box((0.85, 0.22, z + 0.015), (0.095, 0.0155, 0.13), Appearance("book"), axes=axes,
                          seed=int(rng.integers(1 << 20)))
         with b.at(1.45, 0.23, 0.78):
             f.plant(b, rng, 0.6, 8, "#e2dccd")
@@ -209,7 +209,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
         x = 7.85 + 0.16 * k
         colour = ("#c9b79c", "#6f8f87", "#b0583c", "#e2dccd", "#7a8b5a", "#d9b45a", "#8a6a52", "#40566b")[k]
         tall = rng.uniform(0.1, 0.19)
-        b.rod((x, 0.1, 1.645), (x, 0.1, 1.645 + tall), 0.042, Look("plain", colour, colour, 0.4))
+        b.rod((x, 0.1, 1.645), (x, 0.1, 1.645 + tall), 0.042, Appearance("plain", colour, colour, 0.4))
         b.rod((x, 0.1, 1.645 + tall), (x, 0.1, 1.66 + tall), 0.03, f.STEEL)
     b.capsule((7.8, 0.07, 1.5), (9.05, 0.07, 1.5), 0.006, f.STEEL)
     for k in range(9):
@@ -229,7 +229,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
     b.cable(_sag((7.45, 2.05, 2.69), (5.4, 0.6, 2.6), 0.22, 14), 0.004, f.BLACK)
     b.cable(_sag((5.4, 0.6, 2.6), (5.37, 0.6, 0.3), 0.0, 5), 0.004, f.BLACK)
     b.capsule((8.85, 4.45, 0.05), (9.3, 4.52, 1.45), 0.011, f.OAK)
-    b.cushion((8.85, 4.44, 0.06), (0.14, 0.03, 0.05), 0.02, Look("weave", "#b99a6b", "#7c5f3a"))
+    b.cushion((8.85, 4.44, 0.06), (0.14, 0.03, 0.05), 0.02, Appearance("weave", "#b99a6b", "#7c5f3a"))
     return bulb
 
 
@@ -238,8 +238,8 @@ def _print(b: Builder, kind: int, number: int) -> int:
     return kind + 4 * (10 * b.seed + number)
 
 
-def _bulb() -> Look:
-    return Look("plain", "#fff2d8", "#fff2d8", 0.2, (6.0, 4.8, 3.0), casts=False)
+def _bulb() -> Appearance:
+    return Appearance("plain", "#fff2d8", "#fff2d8", 0.2, (6.0, 4.8, 3.0), casts=False)
 
 
 def _sag(start, end, depth: float, parts: int) -> np.ndarray:

@@ -54,7 +54,7 @@ IDEAL = ScannerModel(
 
 
 @dataclass(frozen=True)
-class Scan:
+class SimulatedScan:
     """A simulated scan of N points from S stations.
 
     xyz (N,3) float64 metres; rgb (N,3) uint8; intensity (N,) uint16; station (N,) uint8, from 0; positions (S,3) metres;
@@ -72,9 +72,9 @@ class Scan:
     def __len__(self) -> int:
         return len(self.xyz)
 
-    def taken(self, keep: np.ndarray) -> "Scan":
+    def taken(self, keep: np.ndarray) -> "SimulatedScan":
         """The scan of the points ``keep`` (indices or a mask)."""
-        return Scan(self.xyz[keep], self.rgb[keep], self.intensity[keep], self.station[keep], self.positions,
+        return SimulatedScan(self.xyz[keep], self.rgb[keep], self.intensity[keep], self.station[keep], self.positions,
                     self.exposures, self.mixed[keep])
 
 
@@ -115,7 +115,7 @@ class VirtualScanner:
         self.model = model or ScannerModel()
         self.ranges = ranges or (lambda origins, rays: trace(origins, rays).t)
 
-    def scan(self, positions, pulses: int, rng: np.random.Generator, exposures=None) -> Scan:
+    def scan(self, positions, pulses: int, rng: np.random.Generator, exposures=None) -> SimulatedScan:
         """Scans from stations at ``positions`` (S,3), with about ``pulses`` pulses each.
 
         exposures (S,): camera gains, 1 by default.  The points are ordered by station, then by ring.
@@ -124,7 +124,7 @@ class VirtualScanner:
         exposures = np.ones(len(places)) if exposures is None else np.asarray(exposures, np.float64)
         parts = [self.station(p, pulses, rng, e, n) for n, (p, e) in enumerate(zip(places, exposures))]
         xyz, rgb, intensity, station, mixed = (np.concatenate(column) for column in zip(*parts))
-        return Scan(xyz, rgb, intensity, station, places, exposures, mixed)
+        return SimulatedScan(xyz, rgb, intensity, station, places, exposures, mixed)
 
     def station(self, position, pulses: int, rng: np.random.Generator, exposure: float, number: int):
         """Scan of one station: xyz (N,3), rgb (N,3) uint8, intensity (N,) uint16, station (N,) uint8, mixed (N,) bool."""

@@ -4,7 +4,7 @@ read wrongly puts points on the wrong colours.  Metres; cameras in OpenGL axes."
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.images.lens import Lens
 from pointglass.model.data.surfaces.projected import project_scan
 
@@ -32,7 +32,7 @@ def wall_points(count, seed=0, without=()):
 
 def wall_scan(count=60_000, without=()):
     xyz = wall_points(count, without=without)
-    return Scan(xyz, colour_at(xyz), np.zeros(count, np.uint8))
+    return MergedScan(xyz, colour_at(xyz), np.zeros(count, np.uint8))
 
 
 def look(number):

@@ -20,7 +20,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from ...common.errors import DataError
 from ...reference.depth_filter import keep_mask
 from ...reference.projection import SoftZ
-from ..dataset import Scan, TruePicture
+from ..dataset import MergedScan, TruePicture
 from ..surfaces.projected import Projected, project_scan, raster_of, scan_spacing
 from .downsample import in_blocks, reduced_colour
 
@@ -52,16 +52,16 @@ class PhotoPlace:
     the full scan has points, with gaps between them closed, and the photograph is usable; other pixels are ignored in training.
     """
 
-    _latest: ClassVar["tuple[PhotoPlace, Scan] | None"] = None
+    _latest: ClassVar["tuple[PhotoPlace, MergedScan] | None"] = None
 
-    def __init__(self, name: str, scan: Scan | Callable[[], Scan], photographs: Sequence[TruePicture]):
+    def __init__(self, name: str, scan: MergedScan | Callable[[], MergedScan], photographs: Sequence[TruePicture]):
         self.name = name
         self._scan = scan
         self.views: Sequence[TruePicture] = [CoveredPicture(self, photograph) for photograph in photographs]
 
-    def original_scan(self) -> Scan:
+    def original_scan(self) -> MergedScan:
         """The scan with its original colours."""
-        if isinstance(self._scan, Scan):
+        if isinstance(self._scan, MergedScan):
             return self._scan
         if PhotoPlace._latest is None or PhotoPlace._latest[0] is not self:
             PhotoPlace._latest = None
@@ -73,7 +73,7 @@ class PhotoPlace:
         """Median point spacing of the full scan, metres."""
         return scan_spacing(self.original_scan())
 
-    def scan(self, seed: int) -> Scan:
+    def scan(self, seed: int) -> MergedScan:
         """The scan with random tones of its stations.  A scan of one station is divided among artificial stations, where near
         stations are more likely, so that they overlap as in merged scans."""
         scan = self.original_scan()

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import DataError
-from ..dataset import Scan
+from ..dataset import MergedScan
 from .photo_place import PhotoPlace
 from .photos import check_pictures
 from .rgbd_forms import read_frames
-from .rgbd_frame import FARTHEST, Frame
+from .rgbd_frame import FARTHEST, RgbdFrame
 
 HELD_OUT = 8
 """One frame in this many is a true picture.  Chosen by hand."""
@@ -54,7 +54,7 @@ def load_rgbd(folder: Path, *, held_out: int = HELD_OUT, step: int | None = None
     return PhotoPlace(folder.name, lambda: scan_frames(folder, chosen, step=step, voxel=voxel), views)
 
 
-def scan_frames(folder: Path, frames: Sequence[Frame], *, step: int | None, voxel: float | None) -> Scan:
+def scan_frames(folder: Path, frames: Sequence[RgbdFrame], *, step: int | None, voxel: float | None) -> MergedScan:
     """The frames' depth merged into one scan, one point per voxel.  folder: for the DataError of frames without depth."""
     sample = [frame.stored_depth() for frame in frames[:: max(1, len(frames) // 8)]]
     pixels = sample[0].size
@@ -68,7 +68,7 @@ def scan_frames(folder: Path, frames: Sequence[Frame], *, step: int | None, voxe
     xyz, rgb = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     order = np.random.default_rng(0).permutation(len(xyz))  # otherwise the first frames would be preferred in shared voxels
     keep = np.sort(order[_first_in_voxel(xyz[order], edge)])
-    return Scan(xyz[keep], rgb[keep], np.zeros(len(keep), np.uint8))
+    return MergedScan(xyz[keep], rgb[keep], np.zeros(len(keep), np.uint8))
 
 
 def _first_in_voxel(xyz: np.ndarray, voxel: float) -> np.ndarray:

@@ -23,7 +23,7 @@ from ...common.errors import DataError
 from ..dataset import FAR, MAX_FOCAL, reason
 from .lens import Lens
 from .photos import check_pictures
-from .rgbd_frame import MILLIMETRE, Frame
+from .rgbd_frame import MILLIMETRE, RgbdFrame
 
 APART = 0.02
 """Largest time between a picture and its depth, seconds: as in TUM's own tool for association."""
@@ -41,7 +41,7 @@ INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "intrinsic
               "calibration.txt", "camera.txt")
 
 
-def read_frames(folder: Path, unit: float | None) -> list[Frame]:
+def read_frames(folder: Path, unit: float | None) -> list[RgbdFrame]:
     """The folder's frames in order.  unit: metres of one step of depth; None: the format's.
 
     Raises DataError where the folder has none of the formats or its files are invalid.  Whether all pictures exist is not
@@ -61,7 +61,7 @@ def read_frames(folder: Path, unit: float | None) -> list[Frame]:
                     "frame-*.pose.txt in this folder", file=folder)
 
 
-def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
+def _nerfstudio(folder: Path, unit: float | None) -> list[RgbdFrame]:
     path = folder / "transforms.json"
     try:
         data = json.loads(path.read_text())
@@ -75,7 +75,7 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
             pose = _checked(f"{path}: {entry['file_path']}", np.asarray(entry["transform_matrix"], np.float64).reshape(4, 4))
             mask = folder / entry["mask_path"] if "mask_path" in entry else None
             lens = _nerfstudio_lens(f"{path}: {entry['file_path']}", {**data, **entry})
-            frames.append(Frame(folder / entry["file_path"], lens, pose, mask, folder / entry["depth_file_path"], unit))
+            frames.append(RgbdFrame(folder / entry["file_path"], lens, pose, mask, folder / entry["depth_file_path"], unit))
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         raise DataError(f"not a nerfstudio description ({reason(error)})", file=path) from None
     return sorted(frames, key=lambda frame: str(frame.path))
@@ -93,7 +93,7 @@ def _nerfstudio_lens(where: str, facts: dict) -> Lens:
     return replace(lens, distortion=(*distortion, k3)) if model == "OPENCV" and k3 else lens
 
 
-def _tum(folder: Path, unit: float | None) -> list[Frame]:
+def _tum(folder: Path, unit: float | None) -> list[RgbdFrame]:
     pictures, depths, poses = (_listed(folder / name) for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
     try:
         rows = np.array([[time, *map(float, words[:7])] for time, words in poses], np.float64).reshape(-1, 8)
@@ -121,7 +121,7 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
                         "depth.txt and groundtruth.txt use the same clock?", file=folder)
     check_pictures(folder, [(p, None) for path, _, depth_path in frames for p in (path, depth_path)])
     lens = _tum_lens(folder, frames[0][0])
-    return [Frame(path, lens, pose, None, depth_path, unit or TUM_UNIT) for path, pose, depth_path in frames]
+    return [RgbdFrame(path, lens, pose, None, depth_path, unit or TUM_UNIT) for path, pose, depth_path in frames]
 
 
 def _listed(path: Path) -> list[tuple[float, list[str]]]:
@@ -144,7 +144,7 @@ def _tum_lens(folder: Path, picture: Path) -> Lens:
     return _centred(found or TUM_ROS, _size(picture))
 
 
-def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: float | None) -> list[Frame]:
+def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: float | None) -> list[RgbdFrame]:
     """Frames with one pose file each.  A pose that is not finite means that tracking was lost; its frame is left out."""
     def order(entry: tuple[Path, Path, Path, str, str]):
         digits = "".join(c for c in entry[3] if c.isdigit())
@@ -176,7 +176,7 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
     if frames and (lens is None or (own.is_file() and depth_lens is None)):
         check_pictures(folder, [(p, None) for path, _, depth_path in frames for p in (path, depth_path)])
         raise DataError("no pictures beside its poses", file=folder)
-    return [Frame(p, lens, c, None, d, unit or MILLIMETRE, depth_lens) for p, c, d in frames] if lens else []
+    return [RgbdFrame(p, lens, c, None, d, unit or MILLIMETRE, depth_lens) for p, c, d in frames] if lens else []
 
 
 def _checked(where: str, pose: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ MILLIMETRE = 1 / 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Frame(Photograph):
+class RgbdFrame(Photograph):
     """A photograph with a depth picture.
 
     unit: metres of one step of depth.  depth_lens: pinhole of a separate depth camera at the same pose; None where the depth

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import DataError
-from ..dataset import Scan, reason
+from ..dataset import MergedScan, reason
 from ..surfaces.coloured_mesh import check_mesh, points_scan, read_mesh, scattered_scan
 from .lens import Lens
 from .photo_place import PhotoPlace
@@ -82,7 +82,7 @@ def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = 
         raise DataError(f"no {part} pictures with a pose", file=home / camera)
     check_pictures(home, [(path, (p.width, p.height)) for p in photographs for path in (p.path, p.mask) if path])
     hidden = cloud.with_name(f"{cloud.stem}_mask.txt")  # indices of anonymised points
-    load: Callable[[], Scan] = (
+    load: Callable[[], MergedScan] = (
         (lambda: points_scan(read_mesh(cloud), hidden)) if surface == "points"
         else (lambda: scattered_scan(read_mesh(cloud), mesh_points))
     )

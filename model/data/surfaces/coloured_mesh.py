@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import INSTALL_LAB, DataError
-from ..dataset import FAR, Scan
+from ..dataset import FAR, MergedScan
 
 _LISTS = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 """List properties that are expected to be triangles; plyfile memory-maps lists of known length."""
@@ -72,7 +72,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     return vertices, data["face"].data if "face" in names else None
 
 
-def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
+def points_scan(mesh: ColouredMesh, hidden: Path) -> MergedScan:
     """All vertices except invalid positions and those whose indices the file ``hidden`` lists, if it exists."""
     keep = np.asarray((np.abs(mesh.xyz) < FAR).all(axis=1))
     if hidden.is_file():
@@ -80,10 +80,10 @@ def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
             keep[np.array(hidden.read_text().split(), np.int64)] = False
         except (ValueError, IndexError) as error:
             raise DataError(f"not a list of point indices ({error})", file=hidden, remedy="download it again") from None
-    return Scan(mesh.xyz[keep], mesh.rgb[keep], np.zeros(int(keep.sum()), np.uint8))
+    return MergedScan(mesh.xyz[keep], mesh.rgb[keep], np.zeros(int(keep.sum()), np.uint8))
 
 
-def scattered_scan(mesh: ColouredMesh, count: int) -> Scan:
+def scattered_scan(mesh: ColouredMesh, count: int) -> MergedScan:
     """``count`` points sampled uniformly on the triangles, with a fixed seed and interpolated colours."""
     corners = mesh.triangles
     if not len(corners):
@@ -98,4 +98,4 @@ def scattered_scan(mesh: ColouredMesh, count: int) -> Scan:
     s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
     weights = (1 - s - t, s, t)
     xyz, rgb = (sum(values[corners[pick, k]] * weight for k, weight in enumerate(weights)) for values in (mesh.xyz, mesh.rgb))
-    return Scan(np.asarray(xyz), np.rint(rgb).astype(np.uint8), np.zeros(count, np.uint8))
+    return MergedScan(np.asarray(xyz), np.rint(rgb).astype(np.uint8), np.zeros(count, np.uint8))

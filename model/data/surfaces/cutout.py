@@ -13,7 +13,7 @@ from itertools import islice
 
 import numpy as np
 
-from ..dataset import MemoryPicture, Scan, TruePicture, TruePlace
+from ..dataset import MemoryPicture, MergedScan, TruePicture, TruePlace
 from ..stations import StationScene
 
 MIN_COVERED = 0.04
@@ -42,7 +42,7 @@ class CutOut:
         """The first ``most`` views that show enough of the box."""
         return _views(self)
 
-    def scan(self, seed: int) -> Scan:
+    def scan(self, seed: int) -> MergedScan:
         """The part of the place's scan that lies in the box."""
         scan = self.place.scan(seed)
         inside = ((scan.xyz >= self.low) & (scan.xyz <= self.high)).all(1)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ..dataset import Scan, TruePicture
+from ..dataset import MergedScan, TruePicture
 from .projected import Projected
 
 RELATIVE, METRES = 0.015, 0.01
@@ -18,7 +18,7 @@ RELATIVE, METRES = 0.015, 0.01
 hand."""
 
 
-def diffuse(seen: Projected, scan: Scan, view: TruePicture) -> Projected:
+def diffuse(seen: Projected, scan: MergedScan, view: TruePicture) -> Projected:
     """The projected points, with those on the visible surfaces in the colours of ``view`` at its full resolution.
 
     Points behind or in front of these surfaces keep the scan's colours.  Without depth in the view nothing changes.

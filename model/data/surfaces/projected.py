@@ -15,7 +15,7 @@ from ...reference.depth_filter import keep_mask
 from ...reference.noise_level import pixel_noise
 from ...reference.projection import Raster, SoftZ, network_input, pixels, rasterise
 from ...reference.station_weights import station_weights
-from ..dataset import Scan, TruePicture
+from ..dataset import MergedScan, TruePicture
 
 MARGIN = 2.0
 """Pixels around a picture within which points are projected again in float32, as the renderer does; more than the rounding."""
@@ -59,7 +59,7 @@ class Projected:
         return rasterise(self.index, self.z, self.rgb, self.camera.width, self.camera.height, soft, self.weight)
 
 
-def project_scan(scan: Scan, view: TruePicture, seed: int = 0, reduce: int = 1,
+def project_scan(scan: MergedScan, view: TruePicture, seed: int = 0, reduce: int = 1,
                  camera_to_world: np.ndarray | None = None) -> Projected:
     """Projects a scan into a picture ``reduce`` times smaller: relative to the camera in float64, then in float32 like the
     renderer.
@@ -117,7 +117,7 @@ def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto",
     return network_input(raster, keep_mask(raster.depth, preset, strength=strength), seen.camera.fx, spacing)
 
 
-def scan_spacing(scan: Scan) -> float:
+def scan_spacing(scan: MergedScan) -> float:
     """Median point spacing of a scan, from a sample of it; 1.0 without points."""
     if not len(scan.xyz):
         return 1.0

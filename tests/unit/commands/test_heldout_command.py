@@ -8,7 +8,7 @@ from cloud_files import write_ply
 from e57_photo_files import room_points
 from PIL import Image
 
-from pointglass.model.data.dataset import Scan
+from pointglass.model.data.dataset import MergedScan
 from pointglass.model.network.weights_folder import weights_dir
 from pointglass.viewer.cli import main
 from pointglass.viewer.commands.heldout import evaluate_scan as command
@@ -69,9 +69,9 @@ def test_each_station_that_is_known_is_left_out_from_where_it_stood():
     rng = np.random.default_rng(1)
     station = rng.choice(4, 1000, p=[0.5, 0.3, 0.19, 0.01]).astype(np.uint8)
     places = np.array([(0, 0, 1), (3, 0, 1), (np.nan,) * 3, (5, 5, 1)], float)
-    scan = Scan(rng.random((1000, 3)), np.zeros((1000, 3), np.uint8), station, places)
+    scan = MergedScan(rng.random((1000, 3)), np.zeros((1000, 3), np.uint8), station, places)
     assert (station == 3).mean() < LEAST_SHARE
     found = station_viewpoints(scan, (64, 48))
     assert [view.station for view in found] == [0] * 4 + [1] * 4
     assert np.allclose(found[4].picture.camera_to_world[:3, 3], (3, 0, 1)) and len({view.name for view in found}) == 8
-    assert station_viewpoints(Scan(scan.xyz, scan.rgb, station, None), (64, 48)) == []
+    assert station_viewpoints(MergedScan(scan.xyz, scan.rgb, station, None), (64, 48)) == []

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 import pointglass.model.evaluation.room_scores as scene_module
 from pointglass.model.appearance.exposure import exposures_of, match_exposures
-from pointglass.model.data.dataset import Scan
+from pointglass.model.data.dataset import MergedScan
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
 from pointglass.model.data.surfaces.projected import Projected, picture, project_scan
 from pointglass.model.evaluation.methods import TRUE, thinned, true_visibility
@@ -161,7 +161,7 @@ def test_matching_undoes_known_gains_and_is_what_opening_does(room):
     scene = load_scene(room)
     clean = scan_stations(scene, 1, ScanModel(0, 0, 0, 0, 0, 0, 0, 0))
     gains = np.array([[1.08], [0.92]])
-    dimmed = Scan(clean.xyz, np.clip(np.rint(clean.rgb * gains[clean.station]), 0, 255).astype(np.uint8), clean.station)
+    dimmed = MergedScan(clean.xyz, np.clip(np.rint(clean.rgb * gains[clean.station]), 0, 255).astype(np.uint8), clean.station)
     solved = exposures_of(dimmed.xyz, dimmed.rgb, dimmed.station)
     assert solved.matched.all()
     undone = matched_colours(torch.from_numpy(dimmed.rgb), torch.from_numpy(dimmed.station), solved.gains).numpy()

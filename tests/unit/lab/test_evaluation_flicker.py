@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from evaluation_files import rgb_of
 
 import pointglass.model.evaluation.room_scores as scene_module
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.evaluation.metrics.flicker import measure_flicker, middle_stretch, reprojection
 from pointglass.model.evaluation.room_scores import evaluate
@@ -98,7 +98,7 @@ def test_the_same_points_survive_in_every_frame(room, monkeypatch):
     evaluate(room, densities=(0.3,), views=1, open3d=False)
     assert len(seeds) == 5 and len(set(seeds[1:])) == 1  # one view, four frames
     xyz = np.random.default_rng(1).uniform(-1, 1, (500, 3)) - (0, 0, 4)
-    scan = Scan(xyz, np.zeros((500, 3), np.uint8), np.zeros(500, np.uint8))
+    scan = MergedScan(xyz, np.zeros((500, 3), np.uint8), np.zeros(500, np.uint8))
     here, there = (project_scan(scan, _plane(shift), seed=7) for shift in (0.0, 0.1))
     both = {float(z) for z in here.z} & {float(z) for z in there.z}  # moving sideways keeps a point's depth
     ranks = [{float(z): float(r) for z, r in zip(seen.z, seen.rank, strict=True) if float(z) in both} for seen in (here, there)]

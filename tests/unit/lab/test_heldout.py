@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.heldout import HELD_OUT, Targets, targets, visible
 from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.evaluation.heldout import (
@@ -49,7 +49,7 @@ def wall(count, noise, seed=0):
     u, v = rng.uniform(0, WIDTH, count), rng.uniform(0, HEIGHT, count)
     colour = texture(np.floor(u) + 0.5, np.floor(v) + 0.5) + noise * rng.normal(size=(count, 3))
     xyz = np.stack([(u - WIDTH / 2) / FOCAL * FAR, -(v - HEIGHT / 2) / FOCAL * FAR, np.full(count, -FAR)], 1)
-    return Scan(xyz, np.rint(255 * colour.clip(0, 1)).astype(np.uint8), np.zeros(count, np.uint8))
+    return MergedScan(xyz, np.rint(255 * colour.clip(0, 1)).astype(np.uint8), np.zeros(count, np.uint8))
 
 
 def fixed(name, picture):
@@ -91,7 +91,7 @@ def test_points_behind_a_surface_with_gaps_are_not_used():
     u, v = (part.ravel() + rng.uniform(0, 1, part.size) for part in (columns, rows))
     front = np.stack([(u - WIDTH / 2) / FOCAL * near, -(v - HEIGHT / 2) / FOCAL * near, np.full(len(u), -near)], 1)
     count = len(front)
-    scan = Scan(np.concatenate([back.xyz, front]), np.concatenate([back.rgb, np.full((count, 3), 200, np.uint8)]),
+    scan = MergedScan(np.concatenate([back.xyz, front]), np.concatenate([back.rgb, np.full((count, 3), 200, np.uint8)]),
                 np.zeros(len(back.xyz) + count, np.uint8))
     seen = project_scan(scan, camera())
     row, column = np.divmod(seen.index.numpy(), WIDTH)
@@ -144,7 +144,7 @@ def test_pictures_are_made_without_the_withheld_points():
 def test_a_withheld_station_is_evaluated_at_its_points_only():
     scan = wall(60_000, 0.0)
     station = (np.random.default_rng(2).random(60_000) < 0.3).astype(np.uint8)
-    scan = Scan(scan.xyz, scan.rgb, station, np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]))
+    scan = MergedScan(scan.xyz, scan.rgb, station, np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]))
     shown = []
 
     def look(view_points):
@@ -170,7 +170,7 @@ def test_gaps_are_evaluated_separately():
 def test_figures_are_split_by_local_noise():
     quiet, noisy = wall(60_000, 0.01, seed=1), wall(60_000, 0.1, seed=2)
     left, right = quiet.xyz[:, 0] < 0, noisy.xyz[:, 0] >= 0
-    scan = Scan(np.concatenate([quiet.xyz[left], noisy.xyz[right]]), np.concatenate([quiet.rgb[left], noisy.rgb[right]]),
+    scan = MergedScan(np.concatenate([quiet.xyz[left], noisy.xyz[right]]), np.concatenate([quiet.rgb[left], noisy.rgb[right]]),
                 np.zeros(left.sum() + right.sum(), np.uint8))
 
     def level(xyz, luma):

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from pointglass.model.common.errors import DataError
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.surfaces.diffuse import diffuse
 from pointglass.model.data.surfaces.painting import (
     SIDE,
@@ -107,7 +107,7 @@ def test_diffuse_points_on_visible_surfaces_have_the_true_colours():
         across, down = (columns + 0.5 - size / 2) / fl * z, (rows + 0.5 - size / 2) / fl * z
         parts.append(np.column_stack([across, down, np.full(size**2, z)]))
     xyz = np.concatenate(parts)
-    scan = Scan(xyz, np.full((len(xyz), 3), 7, np.uint8), np.zeros(len(xyz), np.uint8))
+    scan = MergedScan(xyz, np.full((len(xyz), 3), 7, np.uint8), np.zeros(len(xyz), np.uint8))
     made = diffuse(project_scan(scan, shot), scan, shot)
     on = scan.xyz[made.point.numpy(), 2] < 3.02
     on &= scan.xyz[made.point.numpy(), 2] > 2.9

@@ -10,7 +10,7 @@ from PIL import Image
 from walls import LENSES, SIZE, bend, cast, look, rays_of, straight_view, wall_scan
 
 from pointglass.model.common.errors import DataError
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.images.lens import Lens
 from pointglass.model.data.images.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from pointglass.model.data.images.photos import Photograph
@@ -112,7 +112,7 @@ def two_walls():
     picture[..., 1] = 150
     picture[:, :, 0] = np.arange(64)  # a different green in each column
     view = MemoryPicture(picture, 60.0, np.eye(4))
-    return Scan(np.concatenate([near, far]), rgb, np.zeros(35_000, np.uint8)), view
+    return MergedScan(np.concatenate([near, far]), rgb, np.zeros(35_000, np.uint8)), view
 
 
 def test_points_in_front_have_the_photographs_colours_and_others_the_scans():

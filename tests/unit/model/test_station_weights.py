@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from pointglass.model.common.scanner_positions import stations_differ
-from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.dataset import MemoryPicture, MergedScan
 from pointglass.model.data.surfaces.projected import project_scan
 from pointglass.model.reference.projection import SoftZ, network_input, rasterise
 from pointglass.model.reference.pull_push import pull_push
@@ -220,11 +220,11 @@ def test_stations_differ_only_if_two_known_positions_differ():
 def test_a_projected_scan_has_weights_only_with_different_known_stations(seed):
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(-1, 1, (3000, 3)) + (0, 0, -3)
-    scan = Scan(xyz, rng.integers(0, 256, (3000, 3)).astype(np.uint8), rng.integers(0, 2, 3000).astype(np.uint8))
+    scan = MergedScan(xyz, rng.integers(0, 256, (3000, 3)).astype(np.uint8), rng.integers(0, 2, 3000).astype(np.uint8))
     shot = MemoryPicture(np.zeros((48, 64, 3), np.uint8), 60.0, np.eye(4))
     assert project_scan(scan, shot).weight is None
     places = np.array([(0.0, 0.0, 0.0), (4.0, 0.0, -3.0)])
-    placed = Scan(scan.xyz, scan.rgb, scan.station, places)
+    placed = MergedScan(scan.xyz, scan.rgb, scan.station, places)
     seen = project_scan(placed, shot)
     assert seen.weight is not None
     assert seen.weight[seen.station == 0].float().mean() > 2 * seen.weight[seen.station == 1].float().mean()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.scanner_positions import stations_differ
-from ....model.data.dataset import MemoryPicture, Scan
+from ....model.data.dataset import MemoryPicture, MergedScan
 from ....model.evaluation.heldout import Viewpoint
 from ...picture.camera import Camera, from_fov, look_at
 
@@ -42,7 +42,7 @@ def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list
     return [Viewpoint(cameras[int(n)].name, picture_of(cameras[int(n)])) for n in chosen]
 
 
-def station_viewpoints(scan: Scan, size: tuple[int, int]) -> list[Viewpoint]:
+def station_viewpoints(scan: MergedScan, size: tuple[int, int]) -> list[Viewpoint]:
     """Four horizontal directions from each withheld station; empty if the scan has no distinct scanner positions."""
     if scan.places is None or not stations_differ(scan.places):
         return []

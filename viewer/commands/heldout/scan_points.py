@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....model.data.dataset import Scan
+from ....model.data.dataset import MergedScan
 from ...common.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ LEAST_POINTS = 1000
 """Least number of points for an evaluation at a tenth of them.  Chosen by hand."""
 
 
-def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> tuple[Scan, float]:
+def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> tuple[MergedScan, float]:
     """The points, thinned at random to about ``most``, and their spacing in file units.  path: for messages.
 
     Raises InputError if there are too few points, or if they have no colours of their own.
@@ -40,4 +40,4 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
     if count < LEAST_POINTS:
         raise InputError(f"{count} points are too few to withhold some; at least {LEAST_POINTS} are needed", file=path)
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    return Scan(xyz, rgb, station, scene.station_places), scene.spacing / share**0.5
+    return MergedScan(xyz, rgb, station, scene.station_places), scene.spacing / share**0.5

@@ -15,7 +15,7 @@ from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gauss
 from ....model.appearance.noise import NoiseModel, estimate_noise
 from ....model.common.linear_light import TO_LINEAR, TO_SRGB
 from ....model.common.scanner_positions import station_positions_of
-from ....model.data.dataset import MemoryPicture, Scan
+from ....model.data.dataset import MemoryPicture, MergedScan
 from ....model.data.images.photo_place import PhotoPlace
 from ....model.data.pairs import build
 from ....model.data.surfaces.projected import Projected, project_scan, raster_of, scan_spacing, seen_noise
@@ -64,7 +64,7 @@ class Agreement:
     gain: np.ndarray
 
 
-def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
+def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> MergedScan:
     """The coloured points of a scan file as the viewer shows them, thinned at random to about ``most``.
 
     Colours are analysed over the whole file, with exposure compensation between stations and runs, as on opening.  Points
@@ -93,7 +93,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if len(xyz) < 1000:
         raise InputError(f"{len(xyz)} usable points are too few for tuning", file=path)
-    return Scan(xyz, rgb, station, station_positions_of(scan.position for scan in source.scans))
+    return MergedScan(xyz, rgb, station, station_positions_of(scan.position for scan in source.scans))
 
 
 def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
@@ -102,7 +102,7 @@ def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray
     return gaussian_filter(values * weight, sigma, mode="constant") / np.maximum(total, 1e-3)
 
 
-def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
+def agreement(photo: Photo, scan: MergedScan, spacing: float) -> Agreement:
     """Projects the scan into the photograph and compares them.  spacing: of the scan, metres."""
     picture = MemoryPicture(photo.picture, photo.fl, photo.camera_to_world, centre=(photo.cx, photo.cy))
     seen = project_scan(scan, picture)
@@ -166,7 +166,7 @@ def photographs_in(path: Path) -> tuple[list[Photo], str]:
     return photos, "" if photos else f"{path}: contains no photographs with camera and pose"
 
 
-def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: float, *, say=print) -> list[MemoryPicture]:
+def registered_pictures(path: Path, photos: list[Photo], scan: MergedScan, spacing: float, *, say=print) -> list[MemoryPicture]:
     """The photographs of an E57 that fit its points.  say: called with a message for each photograph that is left out.
 
     Raises InputError if most do not fit, as they are not registered to this scan.
@@ -202,7 +202,7 @@ class Photographs:
     learned_from, held_out: registered photographs for training and for the evaluation.
     """
 
-    scan: Scan
+    scan: MergedScan
     spacing: float
     noise: NoiseModel
     learned_from: list[MemoryPicture]

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from ....model.appearance.noise import NoiseModel
-from ....model.data.dataset import Scan
+from ....model.data.dataset import MergedScan
 from ....model.data.heldout import HELD_OUT, Targets, targets
 from ....model.data.surfaces.projected import Projected, project_scan, seen_noise
 from ....model.evaluation.heldout import Viewpoint
@@ -49,7 +49,7 @@ class WithheldPoints:
     evaluation.
     """
 
-    scan: Scan
+    scan: MergedScan
     spacing: float
     unlit: bool
     noise: NoiseModel | None
