@@ -135,3 +135,46 @@ def test_the_close_button_asks_chords_work_in_flight_and_a_folder_that_is_gone_l
     answered(window, lambda: window.process.poll() is not None, "the end, after Save")
     assert window.ended() == 0
     assert len(read_project(project).measurements) >= 2 and not autosaves(scan)
+
+
+NAME_FIELD = 100, 502
+"""Logical pixels: the name of the first measurement in the panel of the tool, at a window of 1280 x 720."""
+
+DISCARD = 726, 400
+"""Of the question whether changes are saved, which lies in the middle."""
+
+
+def test_a_project_saved_right_after_typing_has_every_letter(display, scan):
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    name = "Distance from the door to the window, at the height of the handle"
+    window.click(*NAME_FIELD)
+    window.xdo("type", "--delay", "1", name)  # faster than the interface takes the keys
+    window.xdo("key", "ctrl+s")
+    window.xdo("key", "ctrl+q")  # all is saved: no question
+    assert window.ended() == 0
+    (made,) = read_project(scan.with_name("room.pointglass")).measurements
+    assert made.name.endswith(name)
+    assert not autosaves(scan)
+
+
+def test_work_discarded_for_a_scan_that_cannot_be_opened_survives_the_end_of_the_process(display, scan):
+    (scan.parents[1] / "broken.las").write_bytes(b"LASF" + bytes(400))
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    (file,) = until(lambda: [file for file in autosaves(scan) if measured(file)], "the autosave", 20.0)
+    window.keys("o")
+    time.sleep(2.0)
+    window.keys("ctrl+a")
+    window.xdo("type", "--delay", "30", str(scan.parents[1] / "broken.las"))
+    window.xdo("key", "Return")
+    time.sleep(3.0)
+    window.click(*DISCARD)
+    time.sleep(3.0)
+    window.keys("Return")  # it cannot be opened
+    assert "• room.xyz" in window.title
+    window.process.send_signal(signal.SIGTERM)
+    window.ended()
+    assert measured(file), "the work is still offered"

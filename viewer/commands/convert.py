@@ -10,7 +10,7 @@ from ..common.errors import InputError
 from ..common.file_names import inside
 from ..common.text import counted
 from ..grid import cache
-from ..grid.open_scene import as_paths, build_scene, each_once, present
+from ..grid.open_scene import as_paths, build_scene, each_once, present, say_degrees
 from ..grid.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -30,7 +30,9 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
         _log.warning("%s", line)
     place = _place_of(out)
     with made_folder(place, make=False):
-        return cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)
+        scene = cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)
+    say_degrees(scene)
+    return scene
 
 
 def _place_of(out: Path) -> Path:

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..common.errors import InputError, Option
 from .building.cluster_check import OF_PLACES
+from .building.count_checks import IN_DEGREES
 from .records.point_records import identity_of
 from .scene import Scene
 
@@ -116,6 +117,13 @@ def _differences(sources: "Sequence[Source]") -> list[str]:
     if len({source.crs for source in sources}) > 1:
         return [f"{_DIFFER}coordinate reference system; they are shown as if they agreed"]
     return []
+
+
+def say_degrees(scene: Scene) -> None:
+    """Logs a line where the coordinates of a scene are degrees, with the command that transforms them to metres."""
+    for line in scene.meta.get("warnings") or []:
+        if IN_DEGREES in line:
+            _log.warning("%s", line)
 
 
 def about_several(warnings: "Sequence[str]") -> list[str]:

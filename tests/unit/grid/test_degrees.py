@@ -87,3 +87,17 @@ def test_a_scan_around_its_scanner_is_not_taken_for_degrees(half, seed):
     directions = rng.normal(size=(COUNT, 3))
     xyz = directions / np.abs(directions).max(axis=1, keepdims=True) * half
     assert not recognised(xyz) and not recognised(xyz * (1, 1, 0.1))
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_info_and_convert_say_degrees_in_one_line_with_the_command_that_reprojects(tmp_path, capfd, stated):
+    flat = in_lines(0.01, 1.0)
+    xyz = np.column_stack([flat + (8.5, 47.4), 400 + np.random.default_rng(4).normal(0, 1.0, len(flat))])
+    path = tmp_path / "a.csv"
+    np.savetxt(path, xyz, delimiter=",", fmt="%.8f", comments="", header="longitude,latitude,height" if stated else "x,y,z")
+    command = "pointglass export a.csv --reproject EPSG:32632 --out a-utm.laz"
+    for arguments in (["info", "--no-cache", path], ["convert", path, "--out", tmp_path / "grid"], ["info", tmp_path / "grid"]):
+        capfd.readouterr()
+        assert cli.main(list(map(str, arguments))) == 0
+        told = [line for text in capfd.readouterr() for line in text.splitlines() if "degrees" in line]
+        assert len(told) == 1 and told[0].endswith(command), (arguments, told)

@@ -51,6 +51,18 @@ def test_the_autosave_holds_what_is_not_saved_and_goes_when_it_is(window, tmp_pa
     until(lambda: not list((tmp_path / "state" / "autosave").iterdir()))
 
 
+def test_an_autosave_whose_folder_is_moved_away_is_written_again_and_stays_locked(window, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "RETRY_S", 0.05)
+    window.edit(measurements=(TAPE,))
+    until(lambda: autosaves(tmp_path))
+    os.rename(tmp_path / "state", tmp_path / "moved")
+    (file,) = until(lambda: autosaves(tmp_path))  # without a further change
+    assert held(file).measurements == (TAPE,)
+    assert recoverable() == [], "its window is open"
+    window.flow.autosave.close(keep=True)
+    assert [found.file for found in recoverable()] == [file]
+
+
 def test_a_full_disk_is_said_once_and_the_autosave_is_tried_again(window, tmp_path, monkeypatch):
     def full(path, text):
         raise OSError(28, "No space left on device")

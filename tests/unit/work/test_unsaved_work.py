@@ -9,6 +9,7 @@ from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # no
 
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.window.session.loading import Loaded
+from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
 from pointglass.viewer.work.measure import Begun, MeasuredPoint
@@ -102,6 +103,18 @@ def test_work_that_was_given_up_stays_where_the_other_scan_cannot_be_opened(wind
     window.open(tmp_path / "bad.pointglass")
     window.answer("Discard")
     assert "cannot be opened" in window.asked and window.session.document.measurements == (TAPE,) and window.flow.changed
+    window.flow.close()  # the process is stopped, by a logout for instance
+    (found,) = recoverable()
+    assert found.unsaved.document.measurements == (TAPE,), "Discard was for the scan that did not come"
+
+
+def test_work_that_was_given_up_for_the_end_of_the_window_leaves_no_autosave(window):
+    window.edit(measurements=(TAPE,))
+    window.flow.follow()
+    window.flow.leave(lambda: window.flow.end([], lambda: None))
+    window.answer("Discard")
+    window.flow.close()
+    assert recoverable() == []
 
 
 def test_other_marks_keep_the_document_also_after_a_project_that_could_not_be_loaded(window, tmp_path):

@@ -169,12 +169,13 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
     cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds)
 
-    from ...grid.open_scene import open_scene
+    from ...grid.open_scene import open_scene, say_degrees
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
 
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    say_degrees(scene)
     renderer = Renderer(context, scene, memory=memory_of(options))
     try:
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it

@@ -78,6 +78,7 @@ def cut_of(options: argparse.Namespace, scene: "Scene", document: "Document") ->
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
+    from ...grid.open_scene import say_degrees
     from ...work.selection import Selection
     from ..open_project import opened
     from .orthographic import draw
@@ -89,6 +90,7 @@ def run(options: argparse.Namespace) -> int:
     if options.line is not None:
         parse_line(options.line)
     scene, document = opened(options)
+    say_degrees(scene)
     cut, paper = cut_of(options, scene, document), paper_of(scene, scale, options.dpi)
     selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
     drawing = draw(selection, cut, paper.pixel)

@@ -40,6 +40,10 @@ def drop_warnings(counts: CellCounts) -> list[str]:
     return [f"{counted(n, noun)} {how} left out" for n, noun, how in reasons if n]
 
 
+IN_DEGREES = "lengths and shapes are wrong; reproject it to metres: "
+"""What tells the warnings of degree_warnings from others, in the stored facts of a scan."""
+
+
 def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
     """A warning where x and y are degrees of longitude and latitude: stated by a file, or by the look of the numbers
     (viewer.grid.building.degrees)."""
@@ -47,7 +51,7 @@ def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
     place = place[[1, 0]] if abs(place[1]) > 90 else place[:2]  # latitude may come first
     path = next((source.path for source in sources if source.units == "degree"), sources[0].path)
     command = f"pointglass export {quote(path.name)} --reproject {utm_of(place)} --out {quote(path.stem + '-utm.laz')}"
-    remedy = f"lengths and shapes are wrong; reproject it to metres: {command}"
+    remedy = f"{IN_DEGREES}{command}"
     stated = [source.path.name for source in sources if source.units == "degree"]
     if stated:
         return [f"{stated[0]}: coordinates in degrees: {remedy}"]

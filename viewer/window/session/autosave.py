@@ -34,7 +34,7 @@ LARGEST = 64 << 20
 PAUSE_S = 1.0
 """Seconds between two writes; with the time of writing it bounds what a killed process loses."""
 RETRY_S = 5.0
-"""Seconds until a write that failed is tried again."""
+"""Seconds until a write that failed is tried again, and between two looks whether what was written is still there."""
 _END_S = 10.0  # that a closing window waits for the last write
 _log = logging.getLogger(__name__)
 
@@ -145,7 +145,9 @@ class Autosave:
         while True:
             with self._news:
                 while self._wanted == self._kept and not self._ended:
-                    self._news.wait()
+                    self._news.wait(RETRY_S if self._kept is not None else None)
+                    if self._kept is not None and not self._is_there():
+                        self._kept = None
                 wanted, ended = self._wanted, self._ended
                 if wanted == self._kept:
                     return
@@ -179,11 +181,26 @@ class Autosave:
         text = replace(work, time=time.time()).text()
         folder = autosave_folder()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if self._file is None:
+        if self._file is None or not self._is_locked():
             file = folder / f"{secrets.token_hex(8)}.json"
-            self._lock = lock(file.with_suffix(".lock"))
+            held, self._lock = self._lock, lock(file.with_suffix(".lock"))
             self._file = file
+            if held is not None:  # the folder was moved away, or emptied: what is left there is offered by the next start
+                os.close(held)
         write_atomic(self._file, lambda beside: write_durably(beside, text))
+
+    def _is_there(self) -> bool:
+        """Whether the file and its lock are where this window has put them; another program may have moved their folder."""
+        return self._file is not None and self._file.exists() and self._is_locked()
+
+    def _is_locked(self) -> bool:
+        """Whether the lock that this window holds is the file beside the autosave."""
+        if self._file is None or self._lock is None:
+            return self._lock is None  # where files cannot be locked there is nothing to compare
+        try:
+            return os.path.samestat(os.fstat(self._lock), self._file.with_suffix(".lock").stat())
+        except OSError:
+            return False
 
     def _remove(self) -> None:
         file, self._file = self._file, None

@@ -53,7 +53,8 @@ class ProjectFlow:
         self.autosave = Autosave(wake)
         self.offers: list[Recoverable] = []
         self._offered: set[Path] = set()
-        self._given_up: _Content | None = None  # what the person agreed to lose
+        self._given_up: _Content | None = None  # what the person agreed to lose for a scene that is being opened
+        self._closed_with: _Content | None = None  # saved or given up, when the person closed the window
         self._saving: _Saving | None = None
         self._problem = ""
         self._left_off: _Content | None = None
@@ -120,7 +121,7 @@ class ProjectFlow:
 
     def close(self) -> None:
         """The window closes.  Work that is neither saved nor given up stays in the autosave, for the next start."""
-        keep = self.at_stake and self._given_up != self._content
+        keep = self.at_stake and self._closed_with != self._content
         if keep:
             self._session.work.exact_points.wait(_LAST_READING_S)
             self.follow()
@@ -170,10 +171,12 @@ class ProjectFlow:
 
     def _take_places(self) -> None:
         """Takes exact places of points that have come, and saves what waited for them."""
-        work, given_up = self._session.work, self._given_up == self._content
+        work, before = self._session.work, self._content
         work.exact_points.poll()
-        if given_up:
+        if self._given_up == before:
             self._given_up = self._content
+        if self._closed_with == before:
+            self._closed_with = self._content
         waiting = self._saving
         if waiting is not None and (not work.exact_points.busy or monotonic() >= waiting.until):
             self._saving = None
@@ -229,7 +232,7 @@ class ProjectFlow:
         """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
 
         def close() -> None:
-            self._given_up = self._content  # saved, or given up before
+            self._closed_with = self._content  # saved, or given up before
             then()
 
         if unfinished:

@@ -206,7 +206,6 @@ class App:
     def request_close(self) -> None:
         """Closes the window, once the work is saved or given up."""
         self.wake()
-        self.glfw.set_window_should_close(self.window, False)  # GLFW sets it before it tells
         if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.at_stake:
             self.glfw.restore_window(self.window)  # the question must be seen
         end = partial(self.projects.end, self.toolbox.unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
@@ -221,6 +220,7 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
+        self.input.after_typing.follow(drawn=min(session.area.window_size) > 0)
         arriving = self.viewport.note_arrivals()
         reading = self.viewport.pixels.waiting
         if self.viewport.finish_network():

@@ -4,6 +4,7 @@ Pointer positions arrive in logical pixels from the window's top left; tools rec
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from ..interaction.controls import Control, by_chord, by_key
 from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
 from ..session.session import Session
+from .after_typing import AfterTyping
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme
@@ -43,11 +45,13 @@ class Host(Protocol):
 
 
 class Input:
-    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds."""
+    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds.
+    after_typing: actions that wait until imgui has taken what was typed before."""
 
     def __init__(self, host: Host, clock: Callable[[], float] = perf_counter):
         self._host, self._clock = host, clock
         self.pointer = (0.0, 0.0)
+        self.after_typing = AfterTyping(host.imgui)
         glfw = host.glfw
         self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in by_key().items()}
         self._chords = by_chord()
@@ -79,7 +83,7 @@ class Input:
         glfw.set_window_focus_callback(window, self.on_focus)
         glfw.set_framebuffer_size_callback(window, self.on_resize)
         glfw.set_window_content_scale_callback(window, self.on_scale)
-        glfw.set_window_close_callback(window, lambda _: self._host.request_close())
+        glfw.set_window_close_callback(window, self.on_close)
         glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
 
     # -- keyboard ----------------------------------------------------------------------------------------------------
@@ -96,7 +100,7 @@ class Input:
         name, chord = self._chord(key, scancode, action, mods)
         if chord is not None and chord.everywhere:
             if action == glfw.PRESS:
-                host.act(chord.action)
+                self.after_typing.do(partial(host.act, chord.action))
             return
         control = self._by_key.get(key)
         if control is not None and control.kind in ("hold", "modifier"):
@@ -254,6 +258,11 @@ class Input:
             self._tool("wheel", notches=dy)
 
     # -- window ------------------------------------------------------------------------------------------------------
+
+    def on_close(self, window) -> None:
+        self._host.wake()
+        self._host.glfw.set_window_should_close(window, False)  # GLFW sets it before it tells
+        self.after_typing.do(self._host.request_close)
 
     def on_drop(self, _window, paths: list[str]) -> None:
         self._host.wake()

@@ -87,7 +87,7 @@ def has_standard_time(paths: list[Path]) -> bool:
 
 def coordinate_steps(found: Survey, precision: float, degrees: bool, losses: Losses) -> tuple[np.ndarray, np.ndarray]:
     """(scales, offsets), (3,) each: powers of ten that hold the coordinates' decimals, or the finest that 32 bits reach."""
-    scales, offsets, rounded = np.empty(3), np.empty(3), 0.0
+    scales, offsets, rounded, cut = np.empty(3), np.empty(3), 0.0, 0.0
     for axis in range(3):
         low, high = float(found.low[axis]), float(found.high[axis])
         digits = max(int(found.decimals[axis]), _FEWEST)
@@ -96,6 +96,8 @@ def coordinate_steps(found: Survey, precision: float, degrees: bool, losses: Los
             if precision >= _FLOAT32:  # the source whose values are smallest has the finest ones
                 near = min((largest[axis] for largest in found.full.values() if largest[axis]), default=0.0)
                 digits = int(np.ceil(-np.log10(max(near, 1e-6) * _FLOAT32))) + 1
+            else:  # more digits than steps of LAS are usefully made for
+                cut = 10.0**-digits
         digits = max(min(digits, 12), 0)
         wanted = digits
         while not _reaches(low, high, digits):
@@ -105,6 +107,8 @@ def coordinate_steps(found: Survey, precision: float, degrees: bool, losses: Los
         scales[axis], offsets[axis] = float(f"1e{-digits}"), _offset(low, high, digits)
     if rounded:
         losses.add(f"coordinates are rounded to {rounded:g}, the finest step with which 32 bits reach so far")
+    elif cut:
+        losses.add(f"coordinates are rounded to {cut:g}")
     return scales, offsets
 
 
