@@ -14,6 +14,7 @@ from pointglass.viewer.picture.colour_modes import category_colours, levels, ram
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ColourSummary
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.raster.edit_block import dimmed, ends_of
 from pointglass.viewer.render.renderer import Renderer
@@ -112,7 +113,7 @@ def test_points_have_the_colour_of_their_attribute(context, raster, colour_by, s
 
 def test_a_black_attribute_is_a_colour_where_black_points_have_none(context, seed):
     scene = of_two_stations(room(seed, 20_000), seed)
-    scene = replace(scene, meta={**scene.meta, "colour": {"uncoloured": True}})
+    scene = replace(scene, meta=replace(scene.meta, colour=ColourSummary("rgb", 8, "", 1.0)))
     low_end = Edits(look=Look("intensity", "grey", 70_000.0, 80_000.0))  # every point at the ramp's black end
     image = pictures(context, scene, camera_in(scene, seed, (60, 50)), "compute", low_end)[0]
     assert (image[..., 3] > 0).any() and (image[..., :3] == 0).all()

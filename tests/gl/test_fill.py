@@ -16,6 +16,7 @@ from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.render.culling.enclosed_directions import OPEN, SEALED, SIDE, Directions
 from pointglass.viewer.render.culling.occupancy import Occupancy, codes_of
 from pointglass.viewer.render.device.shader import Programs
@@ -132,7 +133,7 @@ def without_roof(scene, share=0.6):
     """What of a room lies below its middle and a little above: directions closed and sealed, and background."""
     xyz, rgb, _, scan = unpack(scene)
     kept = xyz[:, 2] < share * xyz[:, 2].max()
-    return scene_from_arrays(xyz[kept], rgb[kept], scan=scan[kept], meta={"scans": scene.meta.get("scans")})
+    return scene_from_arrays(xyz[kept], rgb[kept], scan=scan[kept], meta=ScanDescription(scans=scene.meta.scans))
 
 
 @pytest.mark.parametrize("size, weighted, cut", [

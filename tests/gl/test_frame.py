@@ -12,6 +12,7 @@ from pointglass.model.reference import depth_filter
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import Camera
 from pointglass.viewer.picture.settings import FILTERS, SOFT_Z, Settings
+from pointglass.viewer.preprocess.scan_description import ColourSummary
 from pointglass.viewer.render.device.context import describe_device
 from pointglass.viewer.render.device.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
 from pointglass.viewer.render.raster import raster_compute
@@ -75,7 +76,7 @@ def test_a_file_in_another_unit_agrees_with_the_reference(context, preset, soft_
     """Of the published presets some limits are metres, whatever the file's unit is."""
     metre = 1000.0
     base = room(seed, scale=metre)
-    scene = replace(base, meta={**base.meta, "metres_per_unit": 1 / metre})
+    scene = replace(base, meta=replace(base.meta, metres_per_unit=1 / metre))
     camera, settings = camera_in(scene, seed), Settings(filter=preset, soft_z=soft_z)
     renderer = Renderer(context, scene)
     try:
@@ -115,7 +116,7 @@ def test_points_without_a_colour_hide_and_show_nothing(context, preset, soft_z, 
     black = np.random.default_rng(seed).random(base.count) < 0.4
     points = base.points.copy()
     points[black, 2] &= np.uint32(0xFF000000)
-    scene = replace(base, points=points, meta={**base.meta, "colour": {"uncoloured": 0.4}})
+    scene = replace(base, points=points, meta=replace(base.meta, colour=ColourSummary("rgb", 8, "", 0.4)))
     assert scene.unlit and not base.unlit
     plain, renderer = Renderer(context, base), Renderer(context, scene)
     try:

@@ -17,6 +17,7 @@ from pointglass.viewer.picture.colour_modes import COLOUR_BY
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import SOFT_Z, Settings
+from pointglass.viewer.preprocess.scan_description import ColourSummary
 from pointglass.viewer.render.device.context import describe_device
 from pointglass.viewer.render.raster import raster_cpu
 from pointglass.viewer.render.raster.raster_cpu import mapped
@@ -84,7 +85,7 @@ def test_points_without_a_colour(renderer_of, seed):
     base = room(seed)
     points = base.points.copy()
     points[np.random.default_rng(seed).random(base.count) < 0.4, 2] &= np.uint32(0xFF000000)
-    scene = replace(base, points=points, meta={**base.meta, "colour": {"uncoloured": 0.4}})
+    scene = replace(base, points=points, meta=replace(base.meta, colour=ColourSummary("rgb", 8, "", 0.4)))
     renderer = renderer_of(scene)
     for number in range(3):
         assert_same(renderer, camera_in(scene, seed + number))

@@ -37,7 +37,7 @@ def opened(request, shared_data):
 
 def test_real_scans_open_with_their_counts_and_colours(opened):
     name, scene = opened
-    assert (scene.count, scene.meta["colour"]["bits"]) == COUNT_AND_BITS[name] and scene.meta["colour"]["source"] == "rgb"
+    assert (scene.count, scene.meta.colour.bits) == COUNT_AND_BITS[name] and scene.meta.colour.source == "rgb"
     assert scene.step <= scene.spacing / 4
     xyz = unpack(scene)[0]
     assert (xyz >= scene.bounds[0] - scene.step).all() and (xyz <= scene.bounds[1] + scene.step).all()
@@ -45,7 +45,7 @@ def test_real_scans_open_with_their_counts_and_colours(opened):
 
 def test_plant_room_is_the_real_scan_with_a_black_border(opened):
     name, scene = opened
-    assert any("black border" in text for text in scene.meta["warnings"]) == (name == "plant_room.laz")
+    assert any("black border" in text for text in scene.meta.warnings) == (name == "plant_room.laz")
 
 
 def test_real_scan_agrees_with_the_reference(context, opened):

@@ -10,6 +10,7 @@ from pointglass.model.reference.projection import MAX_AVERAGED
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.settings import FILTERS, Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
 pytestmark = pytest.mark.gl
 
@@ -20,9 +21,9 @@ def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int =
     xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
     scan = rng.integers(0, places, len(xyz)).astype(np.uint8)
     low, high = xyz.min(0), xyz.max(0)
-    scans = [{"name": f"station {s}", "count": int((scan == s).sum()),
-              "position": None if s in unknown else rng.uniform(low, high).tolist()} for s in range(places)]
-    return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+    scans = tuple(ScanSummary(f"station {s}", int((scan == s).sum()),
+                              None if s in unknown else tuple(rng.uniform(low, high).tolist())) for s in range(places))
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
 
 
 @pytest.mark.parametrize("scale, unknown", [(1e-3, ()), (1.0, (1,)), (1e3, ()), (1e6, (1,))])
@@ -97,8 +98,8 @@ def test_a_colour_comes_from_the_station_that_stood_where_the_eye_is(renderer_of
     scan = rng.integers(0, 2, len(wall)).astype(np.uint8)
     rgb = np.where(scan[:, None] == 0, [220, 20, 20], [20, 20, 220]).astype(np.uint8)
     places = np.array([(-3.0, -3.0, 0.0), (3.0, -3.0, 0.0)])
-    scans = [{"name": str(k), "count": int((scan == k).sum()), "position": place.tolist()} for k, place in enumerate(places)]
-    renderer = renderer_of(scene_from_arrays(wall, rgb, scan=scan, meta={"scans": scans}))
+    scans = tuple(ScanSummary(str(k), int((scan == k).sum()), tuple(place)) for k, place in enumerate(places.tolist()))
+    renderer = renderer_of(scene_from_arrays(wall, rgb, scan=scan, meta=ScanDescription(scans=scans)))
     from pointglass.viewer.picture.camera import from_fov, look_at
 
     for number, place in enumerate(places):
@@ -121,8 +122,8 @@ def test_heavy_sums_are_carried(renderer_of, kind):
     rgb = np.full((2 * count, 3), 255, np.uint8)
     rgb[count:] = (10, 128, 255)
     scan = (np.arange(2 * count) % 2).astype(np.uint8)
-    scans = [{"name": str(k), "count": count, "position": [0.5 * k, 0.0, 0.0]} for k in range(2)]
-    scene = scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+    scans = tuple(ScanSummary(str(k), count, (0.5 * k, 0.0, 0.0)) for k in range(2))
+    scene = scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
     from pointglass.viewer.picture.camera import Camera
 
     pose = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])

@@ -107,10 +107,10 @@ def no_numbers(renderers: Renderers, seed: int, size: tuple[int, int]) -> list[d
     camera = view_inside(seed, size)
     clean = renderers.pictures(scene_from_arrays(xyz, rgb), camera)
     scene = scene_from_arrays(np.concatenate([xyz, bad, partly, wild]), np.concatenate([rgb, rgb[:1020]]))
-    lost = scene.meta["dropped"]
+    lost = scene.meta.dropped
     return [
         row("bytes changed by coordinates that are not finite", different(clean, renderers.pictures(scene, camera)), 0),
-        row("bad coordinates not counted as dropped", abs(lost["nan"] - 1000) + abs(lost["stray"] - 20), 0),
+        row("bad coordinates not counted as dropped", abs(lost.nan - 1000) + abs(lost.stray - 20), 0),
     ]
 
 

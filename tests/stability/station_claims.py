@@ -31,6 +31,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import Scene
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 from pointglass.viewer.render.renderer import RASTERISERS
 
 LEAST = 40.0
@@ -78,9 +79,9 @@ def lit(seed: int, rgb: np.ndarray, stations: int) -> tuple[np.ndarray, np.ndarr
 
 def scene_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, places: np.ndarray) -> Scene:
     """A scene with scanner positions; NaN: unknown."""
-    scans = [{"name": f"station {number}", "count": int((scan == number).sum()),
-              "position": None if np.isnan(place).any() else place.tolist()} for number, place in enumerate(places)]
-    return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+    scans = tuple(ScanSummary(f"station {number}", int((scan == number).sum()), None if np.isnan(place).any() else
+                              tuple(place.tolist())) for number, place in enumerate(places))
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
 
 
 def scanned(seed: int, scale: float = 1.0, away: float = 0.0, stations: int = 3, places: np.ndarray | None = None) -> Scanned:

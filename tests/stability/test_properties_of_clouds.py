@@ -72,9 +72,9 @@ def test_any_floats_at_all_make_a_scene_or_one_line(rows):
     except InputError as error:
         assert "\n" not in str(error)
         return
-    lost = scene.meta["dropped"]
-    assert scene.count + lost["nan"] + lost["stray"] == len(xyz)
-    assert lost["nan"] == (~np.isfinite(xyz).all(axis=1)).sum()
+    lost = scene.meta.dropped
+    assert scene.count + lost.nan + lost.stray == len(xyz)
+    assert lost.nan == (~np.isfinite(xyz).all(axis=1)).sum()
     assert np.isfinite(unpack(scene)[0]).all() and np.isfinite(scene.spacing) and scene.spacing > 0
 
 

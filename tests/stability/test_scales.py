@@ -100,4 +100,4 @@ def test_one_stray_point_does_not_decide_on_the_cells(seed):
     for far in (1e12, -1e100, 1e300):
         scene = scene_from_arrays(np.concatenate([xyz, [[far, 1.0, 2.0]]]), np.concatenate([rgb, rgb[:1]]))
         assert scene.cell_size == scene_from_arrays(xyz, rgb).cell_size
-        assert scene.meta["dropped"]["stray"] == 1 and scene.count == len(xyz)
+        assert scene.meta.dropped.stray == 1 and scene.count == len(xyz)

@@ -4,6 +4,7 @@ import numpy as np
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.session import Session
@@ -12,14 +13,14 @@ FEW = 4_000
 """Points of a session's room: the search for a place to stand in it takes longer with more."""
 
 
-def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):
+def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=(), points=40_000):
     """A furnished-with-nothing room of 8 x 6 x 3 m; ``metre`` in file units."""
     rng = np.random.default_rng(1)
     size = np.array([8.0, 6.0, 3.0])
     xyz = rng.random((points, 3)) * size
     wall = rng.integers(0, 6, points)
     xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
-    meta = {"metres_per_unit": 1.0 / metre} | ({"scans": scans} if scans else {})
+    meta = ScanDescription(metres_per_unit=1.0 / metre, scans=tuple(scans))
     return scene_from_arrays(xyz * metre + np.array(offset), rng.integers(0, 255, (points, 3), np.uint8), meta=meta)
 
 

@@ -140,7 +140,7 @@ def check_second_drop_replaces_the_scene(d: Driver) -> None:
     d.settle()
     d.drop(d.folder / "room2", d.folder / "room3")
     d.until(lambda: d.session.loads.current is None)
-    assert d.session.scene.meta["sources"] == ["room2"]
+    assert d.session.scene.meta.sources == ("room2",)
     assert not np.array_equal(picture, d.bare()) and np.array_equal(d.bare(), d.rendered())
 
 

@@ -72,16 +72,16 @@ def check_a_reference_system_is_chosen_by_its_code_and_by_its_name(d: Driver) ->
     items.click("##crs")
     typed(d, "25833")
     d.key("ENTER")
-    assert {scan.crs for scan in d.session.document.scans} == {"EPSG:25833"} and d.session.facts["units"] == "metre"
+    assert {scan.crs for scan in d.session.document.scans} == {"EPSG:25833"} and d.session.facts.units == "metre"
     items.click("##crs")
     typed(d, "etrs89 / utm zone 32n")
     d.until(lambda: panel._systems.finished)
     items.click("EPSG:25832  ETRS89 / UTM zone 32N")
-    assert d.session.facts["crs"] == "EPSG:25832"
+    assert d.session.facts.crs == "EPSG:25832"
     d.picture("reference")
     for _ in range(2):
         d.session.work.undo()
-    assert d.session.document.scans == before.scans and d.session.facts["crs"] is None
+    assert d.session.document.scans == before.scans and d.session.facts.crs is None
     d.app.toolbox.select("scene", d.app.tools)
     d.resize(*SIZE)
     d.rest()

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
+
 SIZE = (640, 400)
 NAP = 0.02
 """Seconds between two turns of the loop while something is waited for."""
@@ -22,7 +24,7 @@ def room(points: int = 50_000, seed: int = 5):
     xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
     checker = (np.floor(xyz * 2).sum(axis=1).astype(int) % 2)[:, None]
     rgb = np.clip(60 + 28 * wall[:, None] + np.array([70, 20, 50]) * checker, 0, 255).astype(np.uint8)
-    return scene_from_arrays(xyz, rgb, meta={"metres_per_unit": 1.0, "sources": [f"room{seed}"]})
+    return scene_from_arrays(xyz, rgb, meta=ScanDescription((f"room{seed}",), metres_per_unit=1.0))
 
 
 def pair_of_files(seed: int):
@@ -31,9 +33,9 @@ def pair_of_files(seed: int):
     from pointglass.viewer.grid.scene import unpack
 
     xyz, rgb, _, _ = unpack(room(seed=seed))
-    scans = [{"name": name, "position": None} for name in ("left", "right")]
+    scans = tuple(ScanSummary(name, 0) for name in ("left", "right"))
     return scene_from_arrays(xyz, rgb, scan=(xyz[:, 0] > 4).astype(np.uint8),
-                             meta={"metres_per_unit": 1.0, "sources": ["left.laz", "right.laz"], "scans": scans})
+                             meta=ScanDescription(("left.laz", "right.laz"), metres_per_unit=1.0, scans=scans))
 
 
 def room_with_passer(seed: int):
@@ -57,10 +59,10 @@ def room_with_passer(seed: int):
         grey = (110 + 60 * (np.floor(xyz[-1] * 2).sum(axis=1).astype(int) % 2))[:, None]
         rgb.append(np.where(met[:, None], (40, 60, 220), grey))
         station.append(np.full(len(ray), number))
-    scans = [{"name": f"tripod {number}", "position": place.tolist()} for number, place in enumerate(places)]
+    scans = tuple(ScanSummary(f"tripod {number}", 0, tuple(place)) for number, place in enumerate(places.tolist()))
     return scene_from_arrays(np.concatenate(xyz), np.concatenate(rgb).astype(np.uint8), noise=False,
                              scan=np.concatenate(station).astype(np.uint8),
-                             meta={"metres_per_unit": 1.0, "sources": [f"passer{seed}"], "scans": scans})
+                             meta=ScanDescription((f"passer{seed}",), metres_per_unit=1.0, scans=scans))
 
 
 def middle(d: "Driver", right: float = 0.0, down: float = 0.0) -> tuple[float, float]:

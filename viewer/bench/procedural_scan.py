@@ -128,14 +128,12 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     from ..grid import cache
     from ..grid.building.two_passes import build_grid
     from ..grid.open_scene import in_memory
+    from ..preprocess.scan_description import ColourSummary, ScanDescription
 
     def build(_files, allocate) -> Scene:
-        facts = {
-            "sources": [scan.label], "format": scan.format, "units": scan.units, "metres_per_unit": scan.metres_per_unit,
-            "crs": None, "colour": {"source": "rgb", "bits": 8, "note": "procedural"}, "warnings": [],
-            "procedural": {"points": scan.count, "rooms": scan.rooms, "seed": scan.seed},
-        }
-        return build_grid([scan], colours=None, allocate=allocate, facts=facts)
+        known = ScanDescription((scan.label,), scan.format, scan.units, scan.metres_per_unit,
+                                colour=ColourSummary("rgb", 8, "procedural"))
+        return build_grid([scan], colours=None, allocate=allocate, known=known)
 
     return build([], in_memory) if folder is None else cache.build_into(folder, [], build, keep_old=True)
 

@@ -93,7 +93,7 @@ def convert_each(
         folder = inside(out, name)
         try:
             kept = cache.load(folder, [file])
-            if kept is None or kept.meta.get("match") != match:
+            if kept is None or kept.meta.match != match:
                 convert([file], folder, match=match, columns=columns)
             made.append(folder)
         except InputError as error:

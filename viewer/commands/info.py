@@ -1,30 +1,40 @@
 """Facts about a scan: ``pointglass info``.  All lengths in file units."""
 
 import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...model.common.scanner_positions import stations_differ
 from ..common.text import counted
 from ..grid.cache import CacheError
 from ..grid.open_scene import open_scene
 from ..grid.scene import Scene
-from ..preprocess.point_attributes import described
+from ..picture.json_values import to_json
+from ..preprocess.point_attributes import AttributeLayout, described
+from ..work.reference import with_reference
+
+if TYPE_CHECKING:
+    from ..work.document import ScanFile
 
 _log = logging.getLogger(__name__)
 
 
-def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None) -> dict:
-    """Facts about a scan, ready for JSON.  full: include the grid.  cache, columns: as for open_scene.
+def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None,
+             assigned: "Sequence[ScanFile]" = ()) -> dict:
+    """Facts about a scan, ready for JSON.  full: include the grid.  cache, columns: as for open_scene.  assigned: the scans of
+    a document, with the unit and the reference system that it assigns.
 
     Counting the points and measuring their spacing needs the grid, so the scan is read and its grid built, and stored in the
-    cache where that can be written.  Raises InputError as open_scene does.
+    cache where that can be written.  Raises InputError as open_scene and with_reference do.
     """
     try:
         scene = open_scene(paths, cache=cache, columns=columns)
     except CacheError as error:
         _log.warning("%s; the grid is built in memory", error)
         scene = open_scene(paths, cache=False, columns=columns)
-    return facts(scene, full)
+    return facts(replace(scene, meta=with_reference(scene.meta, assigned)), full)
 
 
 def facts(scene: Scene, full: bool = False) -> dict:
@@ -32,25 +42,25 @@ def facts(scene: Scene, full: bool = False) -> dict:
     meta = scene.meta
     low, high = scene.bounds.tolist()
     out = {
-        "sources": meta.get("sources", []),
-        "format": meta.get("format"),
+        "sources": list(meta.sources),
+        "format": meta.format,
         "points": scene.count,
         "stations": "weighed" if stations_differ(scene.station_places) else "equal",
         "bounds": {"min": low, "max": high},
         "size": [b - a for a, b in zip(low, high, strict=True)],
         "spacing": scene.spacing,
-        "units": meta.get("units", "unknown"),
-        "metres_per_unit": meta.get("metres_per_unit"),
-        "crs": meta.get("crs"),
-        "colour": meta.get("colour"),
-        "exposures": meta.get("exposures"),
-        "passes": meta.get("passes"),
+        "units": meta.units,
+        "metres_per_unit": meta.metres_per_unit,
+        "crs": meta.crs,
+        "colour": to_json(meta.colour),
+        "exposures": to_json(meta.exposures),
+        "passes": to_json(meta.passes),
         "noise": _noise_facts(scene),
-        "attributes": meta.get("attributes", {}),
-        "scans": meta.get("scans", []),
-        "photographs": _photographs(meta.get("sources", [])),
-        "dropped": meta.get("dropped", {}),
-        "warnings": meta.get("warnings", []),
+        "attributes": to_json(meta.attributes),
+        "scans": to_json(meta.scans),
+        "photographs": _photographs(meta.sources),
+        "dropped": to_json(meta.dropped),
+        "warnings": list(meta.warnings),
     }
     if full:
         ends = scene.offsets[:: len(scene.cell_coords)]
@@ -61,6 +71,8 @@ def facts(scene: Scene, full: bool = False) -> dict:
             "layers": (ends[1:] - ends[:-1]).tolist(),
             "bytes": scene.count * 12,
         }
+    if meta.assigned:
+        out["assigned"] = meta.assigned.names
     return out
 
 
@@ -84,7 +96,7 @@ def format_text(info: dict) -> str:
         ("colour", (info["colour"] or {}).get("note", "-")),
     ]
     rows.append(("noise", _noise(info["noise"])))
-    rows += described({"attributes": info["attributes"]})
+    rows += described(AttributeLayout.from_json(info["attributes"], "attributes"))
     if exposures := info.get("exposures"):
         rows.append(("exposure", _exposures(exposures)))
     if (passes := info.get("passes")) and passes["applied"]:
@@ -105,7 +117,7 @@ def format_text(info: dict) -> str:
     return "\n".join(f"{name:<8} {value}" for name, value in rows)
 
 
-def _photographs(sources: list[str]) -> list[dict]:
+def _photographs(sources: Iterable[str]) -> list[dict]:
     """Name, size and geometry of the photographs inside the files, and whether a file says where each was taken."""
     from ..readers.e57.e57_pictures import pictures_in
 

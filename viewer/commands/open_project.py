@@ -44,4 +44,4 @@ def project_facts(options: argparse.Namespace) -> dict:
     check_projects(list(options.scans))
     document = read_project(options.scans[0])
     scans = scans_of(options.scans[0], document)
-    return with_reference(describe(scans, cache=not options.no_cache, columns=options.columns), document.scans)
+    return describe(scans, cache=not options.no_cache, columns=options.columns, assigned=document.scans)

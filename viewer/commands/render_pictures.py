@@ -85,7 +85,7 @@ def export_pictures(renderer: "Renderer", specs: Sequence["PictureSpec"], out: P
 
 def _newest(scene: "Scene") -> float:
     """Time of change of the scan file that was changed last: a picture from before it shows another scan."""
-    files = [Path(source) for source in scene.meta.get("sources") or []]
+    files = [Path(source) for source in scene.meta.sources]
     return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
 
 

@@ -26,6 +26,7 @@ from ...model.common.files.temporary import restrict
 from ..common.errors import InputError, Option, Words
 from ..common.paths import cache_dir
 from ..common.progress import progress
+from ..picture.json_values import to_json
 from ..readers.formats import KNOWN
 from ..readers.grid_folder import MAGIC, is_grid
 from ..readers.grid_folder import META as _META
@@ -71,7 +72,7 @@ def folder_of(files: list[Path], match: bool = True, columns: str | None = None)
 
 
 def _identity(files: list[Path]) -> list:
-    return [identity_of(file) for file in files]
+    return [list(identity_of(file)) for file in files]  # as JSON has it
 
 
 def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool, columns: str | None) -> Scene:
@@ -255,7 +256,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "spacing": float(scene.spacing),
         "bounds": scene.bounds.tolist(),
         "parts": scene.parts,
-        "meta": scene.meta,
+        "meta": to_json(scene.meta),
     }
     if (noise := scene.noise) is not None:
         head["noise"] = {

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...model.appearance.noise import KNOTS
-from ..preprocess.point_attributes import layout_from
+from ..common.errors import InputError
+from ..preprocess.scan_description import ScanDescription, described_scan
 from ..readers.grid_folder import MAGIC, META
 from .density_layers import EARLIER_PARTS, PARTS
-from .meta_check import check_meta
 
 VERSION = 4
 """Of the folder's format."""
-_CONVERSION_ERRORS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
+_CONVERSION_ERRORS = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError, InputError)
 
 
 class DamagedGrid(Exception):
@@ -58,7 +58,7 @@ class GridHeader:
     spacing: float
     bounds: np.ndarray
     parts: int
-    meta: dict[str, Any]
+    meta: ScanDescription
     noise: NoiseHeader | None
     first: np.ndarray | None
     scan_first: np.ndarray | None
@@ -124,11 +124,7 @@ def _object_in(path: Path) -> dict[str, Any]:
 def _parsed(head: dict[str, Any]) -> GridHeader:
     """Conversions only: raises _CONVERSION_ERRORS where a value is missing or of the wrong kind."""
     noise, sums = head.get("noise"), head.get("sums")
-    if not isinstance(head["meta"], dict):
-        raise ValueError("does not say what it was made from")
-    check_meta(head["meta"])
-    records = head["meta"].get("records") or {}
-    layout_from(head["meta"])
+    meta = described_scan(head["meta"])
     return GridHeader(
         shapes={str(name): tuple(int(side) for side in shape) for name, shape in head["shapes"].items()},
         sums=None if sums is None else {str(name): int(value) for name, value in sums.items()},
@@ -139,15 +135,15 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
         spacing=float(head["spacing"]),
         bounds=np.array(head["bounds"], np.float64),
         parts=int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1)),
-        meta=head["meta"],
+        meta=meta,
         noise=None if noise is None else NoiseHeader(
             np.array(noise["origin"], np.float64), float(noise["voxel"]), np.array(noise["curve"], np.float32),
             float(noise["overall"]), int(noise["neighbourhoods"]),
         ),
-        first=_numbers(records.get("first")),
-        scan_first=_numbers(records.get("scan_first")),
+        first=_numbers(meta.records and meta.records.first),
+        scan_first=_numbers(meta.records and meta.records.scan_first),
     )  # fmt: skip
 
 
-def _numbers(values: list | None) -> np.ndarray | None:
+def _numbers(values: tuple[int, ...] | None) -> np.ndarray | None:
     return None if values is None else np.array(values, np.int64)

@@ -6,6 +6,7 @@ Frame: file coordinates throughout; several files are taken to share one frame.
 import logging
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import InputError, Option
+from ..preprocess.scan_description import NO_DESCRIPTION, ColourSummary, RecordOrigin, ScanDescription
 from .building.cluster_check import OF_PLACES
 from .building.count_checks import IN_DEGREES
 from .records.point_records import identity_of
@@ -56,8 +58,8 @@ def open_scene(
     else:
         scene = stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
     if left_out:
-        scene.meta["warnings"] = [*scene.meta.get("warnings", []), *left_out]
-    for line in scene.meta.get("warnings", []):
+        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *left_out)))
+    for line in scene.meta.warnings:
         if LEFT_OUT in line:
             _log.warning("%s", line)
     return scene
@@ -95,10 +97,12 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
     sources, left_out = open_readable(files, columns)
     while True:
         files = [source.path for source in sources]
-        facts = facts_of(files, sources) | {"match": match, "warnings": [*left_out, *_differences(sources)]}
-        facts["records"] = {"files": [identity_of(file) for file in files], "columns": columns}
+        known = replace(
+            stated_facts(sources), match=match, warnings=(*left_out, *_differences(sources)),
+            records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns),
+        )  # fmt: skip
         try:
-            return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
+            return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, known=known)
         except InputError as error:  # damage that only reading all of its points finds
             broken = next((source for source in sources if error.is_of(source.path)), None)
             if broken is None or len(sources) == 1:
@@ -131,15 +135,15 @@ def about_several(warnings: "Sequence[str]") -> list[str]:
     return [text for text in warnings if text.startswith((_DIFFER, _UNTOLD, OF_PLACES))]
 
 
-def facts_of(files: Sequence[Path], sources: "Sequence[Source]") -> dict:
-    """What the readers found in the files, for ``Scene.meta``."""
-    return {
-        "sources": [str(file.absolute()) for file in files],
-        "format": ", ".join(dict.fromkeys(source.format for source in sources)),
-        "units": _common([source.units for source in sources], "mixed"),
-        "metres_per_unit": _common([source.metres_per_unit for source in sources], None),
-        "crs": _common([source.crs for source in sources], "mixed"),
-    }
+def stated_facts(sources: "Sequence[Source]") -> ScanDescription:
+    """What the readers found in the files."""
+    return ScanDescription(
+        sources=tuple(str(source.path.absolute()) for source in sources),
+        format=", ".join(dict.fromkeys(source.format for source in sources)),
+        units=_common([source.units for source in sources], "mixed"),
+        metres_per_unit=_common([source.metres_per_unit for source in sources], None),
+        crs=_common([source.crs for source in sources], "mixed"),
+    )
 
 
 def scene_from_arrays(
@@ -149,14 +153,14 @@ def scene_from_arrays(
     intensity: np.ndarray | None = None,
     scan: np.ndarray | None = None,
     classification: np.ndarray | None = None,
-    meta: dict | None = None,
+    meta: ScanDescription = NO_DESCRIPTION,
     stages: dict[str, float] | None = None,
     noise: bool = True,
 ) -> Scene:
     """A scene in memory from points in memory.
 
     xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.
-    classification: (N,) uint8.  meta: entries of ``Scene.meta`` that replace the defaults.  stages: if given, receives the
+    classification: (N,) uint8.  meta: what is known about the scan.  stages: if given, receives the
     seconds each stage took.  noise: estimate the noise of the colours.  Points that are not finite are left out.
     Raises InputError naming the first array that does not fit.
     """
@@ -164,11 +168,8 @@ def scene_from_arrays(
     from .building.two_passes import build_grid
 
     source = ArraySource(xyz, rgb, intensity, scan, classification)
-    known = {
-        "sources": [], "format": "arrays", "units": "unknown", "metres_per_unit": None, "crs": None,
-        "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],
-    } | (meta or {})  # fmt: skip
-    return build_grid([source], colours=None, allocate=in_memory, facts=known, stages=stages, noise=noise)
+    known = replace(meta, format=meta.format or "arrays", colour=meta.colour or ColourSummary("rgb", 8, "8-bit colour"))
+    return build_grid([source], colours=None, allocate=in_memory, known=known, stages=stages, noise=noise)
 
 
 def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:

@@ -10,6 +10,7 @@ import logging
 import os
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,8 +44,9 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     have too few points.  columns: of text files, as for open_scene.
     """
     from ..preprocess.point_colour import height_colours
+    from ..preprocess.scan_description import ScanSummary
     from ..readers.formats import open_readable
-    from .open_scene import as_paths, facts_of, scene_from_arrays
+    from .open_scene import as_paths, scene_from_arrays, stated_facts
 
     try:
         files = as_paths(paths)
@@ -70,8 +72,8 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
             intensity.append(np.zeros(len(chunk.xyz), np.uint16) if chunk.intensity is None else chunk.intensity)
             scan.append(np.broadcast_to(np.minimum(np.asarray(chunk.scan) + first, 255), len(chunk.xyz)).astype(np.uint8))
         first += len(source.scans)
-    scans = [{"name": info.name, "count": 0, "position": info.position} for source in sources for info in source.scans]
-    meta = facts_of([source.path for source in sources], sources) | {"scans": scans, "preview": True}
+    scans = tuple(ScanSummary(info.name, 0, info.position) for source in sources for info in source.scans)
+    meta = replace(stated_facts(sources), scans=scans)
     try:
         return scene_from_arrays(xyz, np.concatenate(rgb), intensity=np.concatenate(intensity), scan=np.concatenate(scan),
                                  meta=meta, noise=False)
@@ -118,8 +120,6 @@ def _thinned(source: "Source", points: int, end: tuple[float, float]) -> "list[C
 
 
 def _every(chunk: "Chunk", step: int) -> "Chunk":
-    from dataclasses import replace
-
     def thin(values):
         return values[::step] if isinstance(values, np.ndarray) else values
 

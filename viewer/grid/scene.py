@@ -10,7 +10,7 @@ A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most h
 """
 
 import mmap
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,8 @@ import numpy as np
 from ...model.appearance.noise import NoiseModel
 from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
 from ..common.errors import InputError
-from ..preprocess.point_attributes import AttributeLayout, layout_from
+from ..preprocess.point_attributes import AttributeLayout
+from ..preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ..readers.source import Source
 from .marked_points import MarkedPoints
 from .records.point_records import PointRecords
@@ -48,7 +49,7 @@ class Scene:
     layers: L.  count: N.
     spacing: file units, 1/sqrt(points per surface area), the median over the scan.
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
-    meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, attributes, dropped, warnings.
+    meta: what is known about the scan: its files, units, colours, scans.
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
     parts: number of parts of the points of each layer and cell (viewer.grid.density_layers), of which the first few are
         spread as evenly as all; 1: the points are in no order.
@@ -72,7 +73,7 @@ class Scene:
     count: int
     spacing: float
     bounds: np.ndarray
-    meta: dict = field(default_factory=dict)
+    meta: ScanDescription = NO_DESCRIPTION
     checksums: np.ndarray | None = None
     parts: int = 1
     faces: np.ndarray | None = None
@@ -97,7 +98,7 @@ class Scene:
     def scan_places(self) -> np.ndarray:
         """(K, 3) float64 file coordinates: the scanner position of each scan; NaN where it is unknown, or impossible: farther
         outside the measured points than STATION_REACH times their extent."""
-        places = station_positions_of((scan.get("position") for scan in self.meta.get("scans") or []), most=None)
+        places = station_positions_of((scan.position for scan in self.meta.scans), most=None)
         reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
         with np.errstate(invalid="ignore"):
             away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)
@@ -106,17 +107,17 @@ class Scene:
     @property
     def attributes(self) -> AttributeLayout:
         """The attributes of the points besides colour and station, and the layout of their bits."""
-        return layout_from(self.meta)
+        return self.meta.attributes
 
     @property
     def unlit(self) -> bool:
         """Whether black is treated as missing colour (viewer.preprocess.point_colour)."""
-        return bool((self.meta.get("colour") or {}).get("uncoloured"))
+        return self.meta.treats_black_as_missing
 
     @property
     def matched(self) -> bool:
         """Whether colours differ from those in the files: by exposure compensation, or because black is treated as missing."""
-        return self.unlit or any((self.meta.get(key) or {}).get("applied") for key in ("exposures", "passes"))
+        return self.unlit or self.meta.stations_matched or self.meta.runs_matched
 
     def hidden_stations(self, edits: "Edits") -> frozenset[int]:
         """Numbers of the stations that edits do not draw; that of the marked ghosts among them where those are hidden."""
@@ -147,7 +148,7 @@ def unpack(scene: Scene, index: Any = slice(None)) -> tuple[np.ndarray, np.ndarr
 
 @dataclass(frozen=True, eq=False)
 class PointAttributes:
-    """station: (n,) uint8, index into ``meta["scans"]``, 255 for all later ones.  classification: (n,) uint8 codes, as in ASPRS
+    """station: (n,) uint8, index into ``meta.scans``, 255 for all later ones.  classification: (n,) uint8 codes, as in ASPRS
     LAS, or None where the scan has none.  intensity: (n,) uint16 in the file's values, at most half a
     ``Scene.attributes.step`` off, or None where the scan has none."""
 

@@ -54,7 +54,7 @@ def _hidden(scene: Scene, stations: Iterable[int] | None) -> frozenset[int]:
     """The stations that are left out."""
     if stations is None:
         return frozenset()
-    count = len(scene.meta.get("scans") or [])
+    count = len(scene.meta.scans)
     try:
         wanted = [int(number) for number in np.asarray(list(stations), np.int64)]
     except (TypeError, ValueError):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +47,7 @@ def from_points(
     the grid.  Raises InputError naming the first argument that does not fit.
     """
     from ..grid.open_scene import scene_from_arrays
+    from ..preprocess.scan_description import ScanDescription, ScanSummary
     from .open_scan import Scan
 
     places = _coordinates(xyz)
@@ -53,11 +55,12 @@ def from_points(
     scan, scanners = _stations(count, station, stations)
     length = _length(metres_per_unit)
     counts = np.bincount(scan, minlength=len(scanners))
-    known_places = [None if np.isnan(place).any() else place.tolist() for place in scanners]
-    scans = [{"name": f"station {n + 1}", "count": int(counts[n]), "position": p} for n, p in enumerate(known_places)]
-    known: dict[str, Any] = {"scans": scans} if scans else {}
+    known_places = [None if np.isnan(place).any() else tuple(place.tolist()) for place in scanners]
+    scans = tuple(ScanSummary(f"station {n + 1}", int(counts[n]), p) for n, p in enumerate(known_places))
+    known = ScanDescription(scans=scans)
     if length is not None:
-        known |= {"metres_per_unit": length, "units": "metre" if length == 1.0 else f"unit of {length:g} m"}
+        units = "metre" if length == 1.0 else f"unit of {length:g} m"
+        known = replace(known, metres_per_unit=length, units=units)
     with python_names():
         scene = scene_from_arrays(
             places, _colours(rgb, count), intensity=_whole("intensity", intensity, count, "u2"),

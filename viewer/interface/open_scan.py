@@ -233,7 +233,7 @@ class Scan:
         extent = " × ".join(f"{side:.6g}" for side in np.ptp(scene.bounds, axis=0))
         rows = [
             ("scan", self._name), ("points", f"{scene.count:,}"), ("extent", extent), ("spacing", f"{scene.spacing:.3g}"),
-            ("unit", meta.get("units", "unknown")), ("CRS", meta.get("crs") or "unknown"),
+            ("unit", meta.units), ("CRS", meta.crs or "unknown"),
             ("stations", counted(len(scene.station_places), "station") if len(scene.station_places) else "not told apart"),
         ]  # fmt: skip
         cells = "".join(f"<tr><th>{name}</th><td>{html.escape(str(value))}</td></tr>" for name, value in rows)

@@ -50,7 +50,7 @@ def photographs_of(scene: "Scene") -> list[Photograph]:
     """All photographs of the scene's E57 files, in the files' order.  Raises InputError where a file cannot be read."""
     found: list[Photograph] = []
     before: int | None = 0  # scans of the files before; None once they cannot be told
-    for source in map(Path, scene.meta.get("sources") or []):
+    for source in map(Path, scene.meta.sources):
         if source.suffix.lower() != ".e57" or not source.is_file():
             before = None
             continue

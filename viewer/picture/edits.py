@@ -27,7 +27,7 @@ UP_AXES: dict[str, Vector] = {
 class Edits:
     """Everything besides camera and settings that changes a picture of the scans.
 
-    hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
+    hidden_stations: numbers of the scene's stations (as in Scene.meta.scans) that are not drawn.
     up: the direction that is up, unit vector of the file's frame, along which heights count.
     lock_measured: pixels that were measured are shown as measured in the neural view, too.
     ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS; it applies where the

@@ -2,8 +2,8 @@
 
 Pass 1 keeps a thinned sample of the points. :mod:`model.appearance.exposure` finds a gain for every station, and
 :mod:`model.appearance.scan_runs` one for every run of points where runs still differ; pass 2 applies them. A station is a scan
-of an E57, a point source of a LAS or LAZ file, or one of several files. The gains are described in ``meta["exposures"]`` and
-``meta["passes"]`` and by ``pointglass info``; ``--exposures as-scanned`` leaves all colours as the file has them.
+of an E57, a point source of a LAS or LAZ file, or one of several files. The gains are described in ``Scene.meta``
+(exposures, passes) and by ``pointglass info``; ``--exposures as-scanned`` leaves all colours as the file has them.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from ...model.appearance.exposure import exposures_of
 from ...model.appearance.scan_runs import RunGains, solve_run_gains
 from ..readers.source import Chunk
 from .black_border import DARK, black_border_share
+from .scan_description import ExposureSummary, RunSummary
 from .valid_positions import is_position
 
 SAMPLE = 1_000_000
@@ -74,15 +75,14 @@ class ExposureCompensation:
         numbers = np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)
         return numbers[np.searchsorted(turns, at, side="right")]
 
-    def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> dict[str, dict | None]:
+    def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> tuple[ExposureSummary | None, RunSummary | None]:
         """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: as in ScanTable.
 
-        Returns meta["exposures"] (stations, matched, smallest and largest gain; None for a single station) and meta["passes"]
-        (the variance left within voxels, and whether gains of runs are applied; None without colours).
+        Returns what was found about stations, None for a single one, and about runs of points, None without colours.
         """
         parts, self._parts = self._parts, []
         if not parts:
-            return {"exposures": None, "passes": None}
+            return None, None
         xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
         del parts
         for file, where in turns.items():
@@ -105,18 +105,18 @@ class ExposureCompensation:
         lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # darker points: missing colour, black borders, noise
         passes = solve_run_gains(xyz[lit], rgb[lit], at[lit])
         self._passes = passes if passes.worthwhile else None
-        return {"exposures": exposures, "passes": {"variance_left": passes.remaining, "applied": passes.worthwhile}}
+        return exposures, RunSummary(passes.remaining, passes.worthwhile)
 
-    def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> dict:
+    def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> ExposureSummary:
         found = exposures_of(xyz, rgb, number, sample=SAMPLE)
         gains = np.ones((len(self._number), 3))
         gains[: len(found.gains)] = found.gains
         if np.abs(gains - 1).max() >= LEAST_CHANGE:
             self._gains = gains.astype(np.float32)
-        return {
-            "stations": len(self._number), "matched": int(found.matched.sum()), "applied": self._gains is not None,
-            "smallest_gain": float(gains.min()), "largest_gain": float(gains.max()),
-        }  # fmt: skip
+        return ExposureSummary(
+            stations=len(self._number), matched=int(found.matched.sum()), applied=self._gains is not None,
+            smallest_gain=float(gains.min()), largest_gain=float(gains.max()),
+        )  # fmt: skip
 
     def apply(self, source: int, first: int, chunk: Chunk, shift: int) -> np.ndarray:
         """(n, 3) uint8 colours of a chunk, multiplied by the gains."""

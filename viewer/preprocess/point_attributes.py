@@ -6,11 +6,14 @@ lowest and the highest value of the whole scan; up to 256 different consecutive 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 
+from ..common.errors import InputError
 from ..common.text import counted
+from ..picture.json_values import Count, OwnJson, from_json
 from ..readers.source import AS_STORED, Chunk
 
 CODES = 256
@@ -20,7 +23,7 @@ _QUANTISED_BITS, _EXACT_BITS = 8, 16
 
 
 @dataclass(frozen=True)
-class AttributeLayout:
+class AttributeLayout(OwnJson):
     """The layout of the 16 attribute bits of a packed point.
 
     classes: number of points by class code, in ascending order of the code, including points that the grid leaves out as
@@ -82,46 +85,65 @@ class AttributeLayout:
         zero, full = self.ends
         return (value - zero) / (full - zero) * AS_STORED[1]
 
-    def to_meta(self, ends: Sequence[tuple[float, float]] = ()) -> dict:
-        """The layout as JSON: {"class": {code: points}, "intensity": {"low", "high", "bits"}}, each only where it exists.
-
-        ends: of the sources; where they are not AS_STORED, "zero" and "full" are added to the intensity, None where they
-        differ.
-        """
+    def to_json(self) -> dict:
+        """{"class": {code: points}, "intensity": {"low", "high", "bits"}}, each only where it exists; where ``ends`` are not
+        AS_STORED, "zero" and "full" are added to the intensity, None where files differ in them."""
         found: dict = {}
         if self.has_classes:
             found["class"] = {str(code): count for code, count in self.classes.items()}
         if self.low is not None:
             bits = _QUANTISED_BITS if self.has_classes else _EXACT_BITS
             found["intensity"] = {"low": self.low, "high": self.high, "bits": bits}
-            if (known := set(ends)) - {AS_STORED}:
-                zero, full = known.pop() if len(known) == 1 else (None, None)
-                zero, full = (zero, full) if zero is not None and np.isfinite((zero, full)).all() else (None, None)
+            if self.ends != AS_STORED:
+                zero, full = self.ends or (None, None)
                 found["intensity"] |= {"zero": zero, "full": full}
         return found
 
+    @classmethod
+    def from_json(cls, data: Any, where: str) -> Self:
+        """The layout that :meth:`to_json` describes.  Raises InputError naming ``where``."""
+        stored = from_json(_StoredLayout, {key if key != "class" else "classes": item for key, item in data.items()}
+                           if isinstance(data, dict) else data, where, strict=False)  # "class" cannot name a field
+        if not all(code < CODES for code in stored.classes):
+            raise InputError(f"{where}.class: expected codes from 0 to {CODES - 1}")
+        range_of = stored.intensity
+        if range_of is None:
+            return cls(stored.classes)
+        if not range_of.low <= range_of.high <= AS_STORED[1]:
+            raise InputError(f"{where}.intensity: from {range_of.low} to {range_of.high}: expected a range within 0 to 65535")
+        ends = AS_STORED
+        if "zero" in data["intensity"]:
+            ends = None if range_of.zero is None or range_of.full is None else (range_of.zero, range_of.full)
+        return cls(stored.classes, range_of.low, range_of.high, ends)
 
-def layout_from(meta: dict) -> AttributeLayout:
-    """The layout that ``Scene.meta`` describes; without a description (grids of earlier versions): exact intensities only.
 
-    Raises ValueError where the description is invalid.
-    """
-    found = meta.get("attributes", {})
-    if not (isinstance(found, dict) and all(isinstance(entry, dict) for entry in found.values())):
-        raise ValueError("its attributes are not described")
-    classes = {int(code): int(count) for code, count in found.get("class", {}).items()}
-    low, high = (int(found["intensity"][end]) for end in ("low", "high")) if "intensity" in found else (None, None)
-    if not all(0 <= code < CODES and count >= 0 for code, count in classes.items()):
-        raise ValueError("its classes are not codes from 0 to 255")
-    if low is not None and high is not None and not 0 <= low <= high <= 65535:
-        raise ValueError("its range of intensity is not within 0 to 65535")
-    stated = found.get("intensity", {})
-    ends = AS_STORED
-    if "zero" in stated:
-        ends = None if stated["zero"] is None or stated["full"] is None else (float(stated["zero"]), float(stated["full"]))
-    if ends is not None and not np.isfinite(ends).all():
-        raise ValueError("the scale of its intensity is not finite")
-    return AttributeLayout(classes, low, high, ends)
+NO_ATTRIBUTES = AttributeLayout({})
+"""Of a scan without classification and intensity."""
+
+
+@dataclass(frozen=True)
+class _StoredIntensity:
+    low: Count
+    high: Count
+    zero: float | None = None
+    full: float | None = None
+
+
+@dataclass(frozen=True)
+class _StoredLayout:
+    """``AttributeLayout`` as JSON has it."""
+
+    classes: dict[int, Count] = field(default_factory=dict)
+    intensity: _StoredIntensity | None = None
+
+
+def common_ends(ends: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """``AttributeLayout.ends`` of sources with these ``intensity_ends``."""
+    known = set(ends)
+    if not known - {AS_STORED}:
+        return AS_STORED
+    zero, full = known.pop() if len(known) == 1 else (np.nan, np.nan)
+    return (zero, full) if np.isfinite((zero, full)).all() else None
 
 
 class AttributeCounts:
@@ -160,9 +182,9 @@ class AttributeCounts:
         return AttributeLayout(classes, self._low, self._high) if self._high > 0 else AttributeLayout(classes)
 
 
-def described(meta: dict) -> list[tuple[str, str]]:
+def described(layout: AttributeLayout) -> list[tuple[str, str]]:
     """Rows (name, text) for ``pointglass info``: classes with their counts, range of intensity."""
-    layout, rows = layout_from(meta), []
+    rows = []
     if layout.has_classes:
         rows.append(("class", ", ".join(f"{code}: {counted(count, 'point')}" for code, count in layout.classes.items())))
     if layout.low is not None:

@@ -16,6 +16,7 @@ from ..picture.colour_modes import RAMPS
 from ..readers.source import Chunk, Source
 from .black_border import DARK
 from .exposure_compensation import MOST_STATIONS, ExposureCompensation
+from .scan_description import ColourSummary, ExposureSummary, RunSummary
 
 _RAMP = np.array(RAMPS["viridis"], np.float64)
 _EVERY = 16  # one of so many points is examined for black; chosen by hand
@@ -73,6 +74,16 @@ class _File:
         return [i for i, scan in self.scans.items() if not scan.has_rgb]
 
 
+@dataclass(frozen=True)
+class ColourDecision:
+    """What pass 1 decided.  colour, exposures, passes: as in ScanDescription.  warnings: for a person."""
+
+    colour: ColourSummary
+    exposures: ExposureSummary | None
+    passes: RunSummary | None
+    warnings: list[str]
+
+
 class Colours:
     """Observes the chunks of pass 1 (``add``), decides (``decide``), and gives each chunk of pass 2 its colours (``apply``)."""
 
@@ -105,18 +116,15 @@ class Colours:
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
-    def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> tuple[dict, list[str]]:
-        """Ends pass 1.  heights: range of the third axis that a height ramp spans.  turns: as in ScanTable.
-
-        Returns entries of ``Scene.meta`` (colour, exposures, passes) and the warnings for a person.
-        """
+    def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> ColourDecision:
+        """Ends pass 1.  heights: range of the third axis that a height ramp spans.  turns: as in ScanTable."""
         warnings, kinds, bits = [], set(), 8
-        compensated: dict[str, dict | None] = {"exposures": None, "passes": None}
+        exposures = passes = None
         lost = 0.0  # points without a colour, of those that were examined
         if self._match:
             with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
                 meter.update(0)
-                compensated = self._compensation.solve([file.shift for file in self._files], turns)
+                exposures, passes = self._compensation.solve([file.shift for file in self._files], turns)
                 meter.update(0)
             if self._compensation.stations > MOST_STATIONS:
                 warnings.append(f"exposures of {self._compensation.stations:,} stations or flight lines are not compensated: "
@@ -158,8 +166,7 @@ class Colours:
         if len(kinds) > 1:
             note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
         looked = sum(file.looked for file in self._files)
-        colour = {"source": source, "bits": bits, "note": note, "uncoloured": lost / max(looked, 1)}
-        return {"colour": colour} | compensated, warnings
+        return ColourDecision(ColourSummary(source, bits, note, lost / max(looked, 1)), exposures, passes, warnings)
 
     def apply(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
         """(n, 3) uint8 colours of a chunk.  first: as in ``add``."""

@@ -90,7 +90,7 @@ class Renderer:
     @property
     def metre(self) -> float:
         """File units in a metre; 1 where the file does not say."""
-        metres = self.scene.meta.get("metres_per_unit")
+        metres = self.scene.meta.metres_per_unit
         return 1.0 / metres if metres else 1.0
 
     def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None,

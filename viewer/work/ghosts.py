@@ -22,6 +22,7 @@ import numpy as np
 from ..common.errors import InputError
 from ..common.progress import progress
 from ..grid.marked_points import MarkedPoints
+from ..preprocess.scan_description import ScanSummary
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -51,8 +52,8 @@ MOST_MEMORY = 1 << 29
 def with_ghosts(scene: "Scene") -> "Scene":
     """The scene with ghosts marked as a station of their own; see :func:`find_ghosts` for errors."""
     found = find_ghosts(scene)
-    scans = list(scene.meta.get("scans") or [])
-    meta = {**scene.meta, "scans": [*scans, {"name": NAME, "count": len(found)}]}
+    scans = scene.meta.scans
+    meta = replace(scene.meta, scans=(*scans, ScanSummary(NAME, len(found))))
     return replace(scene, meta=meta, marked=MarkedPoints(found, len(scans)))
 
 
@@ -71,7 +72,7 @@ def find_ghosts(scene: "Scene") -> np.ndarray:
     if len(known) < 2 or not (np.ptp(places[known], axis=0) > 0).any():
         raise InputError("passers-by are found by what other stations saw through them; "
                          f"this scan has {len(known)} station{'s' * (len(known) != 1)} with a known position: open two or more")
-    if len(scene.meta.get("scans") or []) >= 255:
+    if len(scene.meta.scans) >= 255:
         raise InputError("passers-by need a station number of their own; this scan has 255 stations or more")
     candidates, width = _candidates(scene, known, places[known])
     return candidates[_coherent(scene, candidates, width)]

@@ -5,7 +5,9 @@ well takes precedence, for scans that are stored in millimetres of a national gr
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 
+from ..preprocess.scan_description import Assigned, ScanDescription
 from .document import ScanFile
 
 UNITS: dict[str, float] = {
@@ -15,25 +17,26 @@ UNITS: dict[str, float] = {
 """Name -> metres per unit, of the units that a person may assign."""
 
 
-def with_reference(meta: dict, scans: Iterable[ScanFile]) -> dict:
-    """``Scene.meta`` with the CRS and the unit that a document assigns; ``meta`` itself where it assigns none.
+def with_reference(meta: ScanDescription, scans: Iterable[ScanFile]) -> ScanDescription:
+    """The description with the CRS and the unit that a document assigns; ``meta`` itself where it assigns none.
 
-    Scans share the scene's frame, so the first assignment is that of all.  Sets ``crs``, ``units``, ``metres_per_unit``, and
-    ``assigned`` (the names of what was assigned: ``crs``, ``unit``).  Raises InputError where the code of the CRS is unknown or
-    pyproj, which knows the codes, cannot be loaded.
+    Scans share the scene's frame, so the first assignment is that of all.  Raises InputError where the code of the CRS is
+    unknown or pyproj, which knows the codes, cannot be loaded.
     """
     scans = list(scans)
     code = next((scan.crs for scan in scans if scan.crs), None)
     metres = next((scan.metres_per_unit for scan in scans if scan.metres_per_unit), None)
-    found = dict(meta)
+    if code is None and metres is None:
+        return meta
+    found = meta
     if code is not None:
         from ..readers.crs import assigned
 
-        found["crs"], found["units"], found["metres_per_unit"] = assigned(code)
+        name, units, length = assigned(code)
+        found = replace(found, crs=name, units=units, metres_per_unit=length)
     if metres is not None:
-        found["units"], found["metres_per_unit"] = unit_name_of(metres), metres
-    done = [name for name, value in (("crs", code), ("unit", metres)) if value is not None]
-    return found | {"assigned": done} if done else meta
+        found = replace(found, units=unit_name_of(metres), metres_per_unit=metres)
+    return replace(found, assigned=Assigned(crs=code is not None, unit=metres is not None))
 
 
 def unit_name_of(metres: float) -> str:
@@ -41,17 +44,16 @@ def unit_name_of(metres: float) -> str:
     return next((name for name, value in UNITS.items() if abs(metres / value - 1) < 1e-9), f"{metres:g} m")
 
 
-def wkt_of(meta: dict) -> str | None:
+def wkt_of(meta: ScanDescription) -> str | None:
     """WKT 1 of what was assigned, for files that are exported; None where nothing was.  meta: of :func:`with_reference`.
 
     A unit that differs from that of the CRS makes the coordinates local ones: no registered system has them.
     """
-    done = meta.get("assigned") or []
-    if not done:
+    if not meta.assigned:
         return None
-    if "unit" in done:
-        name = f"{meta['crs']} in {meta['units']}" if meta.get("crs") else "local coordinates"
-        return f'LOCAL_CS["{name.replace(chr(34), "")}",UNIT["{meta["units"]}",{meta["metres_per_unit"]!r}]]'
+    if meta.assigned.unit:
+        name = f"{meta.crs} in {meta.units}" if meta.crs else "local coordinates"
+        return f'LOCAL_CS["{name.replace(chr(34), "")}",UNIT["{meta.units}",{meta.metres_per_unit!r}]]'
     from ..readers.crs import wkt
 
-    return wkt(meta["crs"])
+    return wkt(meta.crs or "")

@@ -29,7 +29,7 @@ _MOST_READ = 4_000_000
 
 @dataclass(frozen=True)
 class FilePart:
-    """One file of a scene.  numbers: of its stations, as in ``Scene.meta["scans"]``.  apart: whether its points have numbers of
+    """One file of a scene.  numbers: of its stations, as in ``Scene.meta.scans``.  apart: whether its points have numbers of
     their own in the grid."""
 
     path: str
@@ -42,11 +42,10 @@ class FilePart:
 
 def files_of(scene: "Scene") -> list[FilePart]:
     """The files of a scene, in order; empty where the grid does not say which points are of which."""
-    sources = [str(source) for source in scene.meta.get("sources") or []]
-    counts = (scene.meta.get("records") or {}).get("scans")
-    if not isinstance(counts, list) or len(counts) != len(sources):
-        stations = len(scene.meta.get("scans") or [])
-        counts = [1] * len(sources) if stations == len(sources) else []
+    sources, records = scene.meta.sources, scene.meta.records
+    counts = () if records is None else records.scans
+    if len(counts) != len(sources):
+        counts = (1,) * len(sources) if len(scene.meta.scans) == len(sources) else ()
     ends = np.cumsum([0, *counts]).tolist()
     return [FilePart(source, range(first, last)) for source, first, last in zip(sources, ends, ends[1:])]
 

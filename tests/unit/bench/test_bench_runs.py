@@ -18,6 +18,7 @@ from pointglass.viewer.bench.cases.stability import ROOM, walls
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.paths import cache_dir
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 from pointglass.viewer.work.places import viewpoints as views
 
 
@@ -179,10 +180,10 @@ def scanned(seed: int, places: np.ndarray | None = None):
     xyz, rgb = walls(seed)
     places = rng.uniform(0.1, 0.9, (3, 3)) * ROOM if places is None else places
     scan = rng.integers(0, 3, len(rgb)).astype(np.uint8)
-    scans = [{"name": f"station {number}", "count": int((scan == number).sum()),
-              "position": None if np.isnan(place).any() else place.tolist()} for number, place in enumerate(places)]
+    scans = tuple(ScanSummary(f"station {number}", int((scan == number).sum()), None if np.isnan(place).any() else
+                              tuple(place.tolist())) for number, place in enumerate(places))
     rgb = np.rint(rgb * rng.uniform(0.5, 1.0, (3, 3))[scan]).astype(np.uint8)
-    return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
 
 
 @pytest.mark.gl

@@ -13,6 +13,7 @@ from pointglass.viewer.common.paths import assets_dir
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.work.cameras.camera_files import read_cameras
 from pointglass.viewer.work.places import viewpoints as views
 
@@ -92,7 +93,7 @@ def test_written_to_a_folder_it_is_the_same_scene_and_opens_like_any_other(tmp_p
     opened = open_scene(tmp_path / "grid")
     assert made.count == opened.count == scene.count == 60_000
     assert np.array_equal(opened.points, scene.points) and np.array_equal(opened.offsets, scene.offsets)
-    assert opened.meta["procedural"] == {"points": 60_000, "rooms": 4, "seed": 3}
+    assert opened.meta.sources == ("procedural scan, 60,000 points, 4 rooms, seed 3",)
 
 
 def test_eight_views_with_names_see_points_and_the_corner_sees_most(small):
@@ -110,7 +111,7 @@ def test_eight_views_with_names_see_points_and_the_corner_sees_most(small):
 
 def test_the_demo_has_the_shipped_views(small):
     """Told by its file: here another scene that says it came from there."""
-    scene = replace(small[1], meta={"sources": [str((assets_dir() / "demo.laz").absolute())]})
+    scene = replace(small[1], meta=ScanDescription((str((assets_dir() / "demo.laz").absolute()),)))
     shipped = read_cameras(assets_dir() / "demo_cameras.json")
     made = views.named_views(scene, (480, 360))
     assert [camera.name for camera in made] == [camera.name for camera in shipped]

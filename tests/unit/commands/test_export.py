@@ -14,6 +14,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.picture.spec import PictureSpec
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 
 CAMERAS = [from_fov(8, 6, 60, np.eye(4), name) for name in ("a", "b")]
 ENDINGS = ("depth.npy", "mask.npy", "png", "provenance.png", "stats.json")
@@ -24,7 +25,7 @@ class FakeRenderer:
 
     def __init__(self):
         self.asked, self.context, self.choice = [], None, SimpleNamespace(timed=None)
-        self.scene = SimpleNamespace(meta={"sources": ["a.laz"]}, count=5)
+        self.scene = SimpleNamespace(meta=ScanDescription(("a.laz",)), count=5)
 
     def render(self, camera, settings, views=None, *_, **__):
         self.asked.append(views)

@@ -15,6 +15,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.selection import Selection
@@ -28,7 +29,7 @@ def room(seed=1, points=60_000, *, metre=1.0, offset=(0.0, 0.0, 0.0), known=True
     xyz = rng.random((points, 3)) * SIZE
     wall = rng.integers(0, 6, points)
     xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, SIZE[wall % 3])
-    meta = {"metres_per_unit": 1.0 / metre} if known else {}
+    meta = ScanDescription(metres_per_unit=1.0 / metre if known else None)
     return scene_from_arrays(xyz * metre + np.array(offset), rng.integers(60, 255, (points, 3), np.uint8), meta=meta)
 
 

@@ -1,5 +1,7 @@
 """``pointglass export``: what is written is what was measured and in sight, and is read back as it was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.clip import Box, contains
+from pointglass.viewer.preprocess.scan_description import ScanSummary
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.selection import Selection, clips_of, parse_box
@@ -82,11 +85,12 @@ def test_a_clip_leaves_the_points_inside_any_of_its_boxes(tmp_path):
 
 def test_e57_keeps_each_station_and_where_it_stood(tmp_path):
     scene = random_scene(5, scans=3)
-    scene.meta["scans"] = [{"name": f"tripod {i}", "position": (2.0 * i, 1.0, 0.5)} for i in range(3)]
+    scans = tuple(ScanSummary(f"tripod {i}", 0, (2.0 * i, 1.0, 0.5)) for i in range(3))
+    scene = replace(scene, meta=replace(scene.meta, scans=scans))
     export(Selection(scene), tmp_path / "a.e57")
     again = open_scene([tmp_path / "a.e57"], cache=False, match=False)
     assert np.allclose(again.station_places, [(2.0 * i, 1.0, 0.5) for i in range(3)])
-    assert [scan["name"] for scan in again.meta["scans"]] == ["tripod 0", "tripod 1", "tripod 2"]
+    assert [scan.name for scan in again.meta.scans] == ["tripod 0", "tripod 1", "tripod 2"]
     assert np.array_equal(np.bincount(unpack(again)[3]), np.bincount(unpack(scene)[3]))
 
 

@@ -158,7 +158,7 @@ def test_300_files_have_300_stations(tmp_path):
     scene = open_scene(paths)
     stations = FileRecords(scene).stations(slice(None))
     assert np.bincount(stations).tolist() == [5] * 300
-    assert len(scene.meta["scans"]) == 300 and all(scan["count"] == 5 for scan in scene.meta["scans"])
+    assert len(scene.meta.scans) == 300 and all(scan.count == 5 for scan in scene.meta.scans)
 
 
 def test_points_in_memory_are_exact(tmp_path):

@@ -18,6 +18,7 @@ from pointglass.viewer.grid.building import scatter as scatter_module
 from pointglass.viewer.grid.building import two_passes as grid_module
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.preprocess.scan_description import DroppedPoints
 from pointglass.viewer.preprocess.scan_table import ScanTable
 from pointglass.viewer.readers import arrays as arrays_module
 from pointglass.viewer.readers.source import Chunk, ScanInfo
@@ -129,7 +130,7 @@ def test_unpacked_points_are_within_half_a_step(n, exponent, seed):
     if distinct:
         assert np.abs(back[key] - xyz[want]).max() <= scene.step * 0.5 * (1 + 1e-9) + np.abs(xyz).max() * 1e-15
     assert scene.count == n == len(back)
-    assert [s["count"] for s in scene.meta["scans"]] == np.bincount(scan).tolist()
+    assert [s.count for s in scene.meta.scans] == np.bincount(scan).tolist()
 
 
 def test_each_layer_holds_seven_eighths_of_itself_and_coarser_ones_and_each_point_once():
@@ -288,7 +289,7 @@ def test_points_that_are_not_finite_are_dropped_and_counted():
     bad[::100, 1] = np.nan
     bad[50::100, 2] = np.inf
     scene = scene_from_arrays(bad, rgb)
-    assert scene.count == 9800 and scene.meta["dropped"] == {"nan": 200, "invalid": 0, "stray": 0}
+    assert scene.count == 9800 and scene.meta.dropped == DroppedPoints(nan=200)
     assert np.isfinite(unpack(scene)[0]).all() and np.isfinite(scene.bounds).all()
     with pytest.raises(InputError, match="none of its 10,000 points is valid"):
         scene_from_arrays(np.full_like(xyz, np.nan), rgb)
@@ -312,8 +313,8 @@ def test_an_outlier_point_far_away_does_not_coarsen_the_grid():
     assert scene.cell_size == one.cell_size and len(scene.cell_coords) <= len(one.cell_coords) + 1
     far[40_000] = 1e30
     scene = scene_from_arrays(far, rgb)
-    assert scene.count == 49_999 and scene.meta["dropped"]["stray"] == 1 and scene.bounds.max() < 10
-    assert "1 outlier point too far from the rest left out" in scene.meta["warnings"]
+    assert scene.count == 49_999 and scene.meta.dropped.stray == 1 and scene.bounds.max() < 10
+    assert "1 outlier point too far from the rest left out" in scene.meta.warnings
 
 
 @pytest.mark.parametrize("far", [90, 300, 3000, 10_000])
@@ -325,7 +326,7 @@ def test_a_scan_that_continues_far_from_its_beginning_is_complete(monkeypatch, f
     b[-far:] = surface(far, origin=(1e8, 0, 0))[0]
     scene = scene_from_arrays(np.concatenate([a, b]), np.concatenate([rgb, rgb]))
     strays = far if far <= 100 else 0
-    assert scene.count == 20_000 - strays and scene.meta["dropped"]["stray"] == strays
+    assert scene.count == 20_000 - strays and scene.meta.dropped.stray == strays
 
 
 def test_dense_clusters_far_apart_are_resolved():

@@ -349,7 +349,7 @@ def test_several_files_make_one_scene(scan, tmp_path):
     other = write_ply(tmp_path / "next.ply", xyz, rgb)
     scene = open_scene([scan, other])
     assert scene.count == 4000
-    assert [s["count"] for s in scene.meta["scans"]] == [3000, 1000]
+    assert [s.count for s in scene.meta.scans] == [3000, 1000]
     got, _, _, number = unpack(scene)
     assert (number == 1).sum() == 1000 and got[number == 1, 0].min() > 4.9
 

@@ -1,13 +1,16 @@
 """Classes and intensities survive the grid: exactly where 16 bits suffice, within half a step where they are quantised."""
 
+import json
+
 import laspy
 import numpy as np
 import pytest
 
 from pointglass.viewer.commands.info import describe, format_text
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import attributes_of, packed, scan_numbers, unpack
-from pointglass.viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout, layout_from
+from pointglass.viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout
 from pointglass.viewer.readers.source import Chunk
 
 COUNT = 5_000
@@ -47,9 +50,9 @@ def test_classes_and_intensities_of_a_las_file_are_kept(tmp_path, rng, widest):
     off = np.abs(found.intensity.astype(int) - intensity[order])
     assert off.max() <= max(widest / 255, 1) / 2 + 0.5 and (widest > 255 or off.max() == 0)
     assert np.array_equal(found.intensity, unpack(scene)[2]) and np.array_equal(found.station, scan_numbers(packed(scene)))
-    assert {int(code): count for code, count in scene.meta["attributes"]["class"].items()} == {
+    assert scene.attributes.classes == {
         int(code): int(count) for code, count in zip(*np.unique(classes, return_counts=True), strict=True)}
-    assert scene.meta["attributes"]["intensity"]["low"] == intensity.min()
+    assert scene.attributes.low == intensity.min()
 
 
 @pytest.mark.parametrize("code", [0, 1])
@@ -88,7 +91,8 @@ def test_the_cache_keeps_attributes_and_info_shows_them(tmp_path, rng, monkeypat
 def test_reading_back_what_was_packed_is_within_half_a_step(rng):
     for _ in range(50):
         low, high = sorted(rng.integers(0, 65_536, 2).tolist())
-        layout = layout_from({"attributes": AttributeLayout({0: 1, 9: 1}, low, high).to_meta()})
+        layout = AttributeLayout({0: 1, 9: 1}, low, high)
+        assert AttributeLayout.from_json(json.loads(json.dumps(layout.to_json())), "attributes") == layout
         intensity, classes = rng.integers(low, high + 1, 500).astype(np.uint16), rng.integers(0, 256, 500).astype(np.uint8)
         bits = layout.pack(classes, intensity, 500)
         assert np.array_equal(layout.class_of(bits), classes)
@@ -108,5 +112,5 @@ def test_counting_can_be_reset():
 @pytest.mark.parametrize("wrong", [[], {"class": 3}, {"class": {"300": 1}}, {"class": {"x": 1}}, {"intensity": {"low": 5}},
                                    {"intensity": {"low": 9, "high": 3}}])
 def test_invalid_descriptions_of_attributes_are_refused(wrong):
-    with pytest.raises((ValueError, KeyError)):
-        layout_from({"attributes": wrong})
+    with pytest.raises(InputError, match=r"^attributes"):
+        AttributeLayout.from_json(wrong, "attributes")

@@ -82,7 +82,7 @@ def test_a_grid_on_disk_leads_back_to_file_and_record(files):
     rgb = unpack(stored)[1]
     for number in (0, 2):
         assert record[source == number].tolist() == number_of(rgb[source == number]).tolist()
-    assert stored.meta["records"]["files"] == [point_records.identity_of(file) for file in files]
+    assert stored.meta.records.files == tuple(point_records.identity_of(file) for file in files)
     assert isinstance(stored.records.low, np.memmap)
 
 

@@ -37,7 +37,7 @@ def test_a_preview_is_spread_over_the_whole_file_in_its_colours(tmp_path, name, 
     assert np.abs(shown - made[:, 0]).max() < 2.5  # each point has the colour of its own place
     share = np.histogram(made[:, 0] - ORIGIN[0], bins=4, range=(0, 300))[0] / scene.count
     assert share.min() > 0.1
-    assert scene.meta["preview"] and scene.meta["sources"] == [str(path)]
+    assert scene.meta.sources == (str(path),)
 
 
 def test_small_damaged_and_unknown_files_have_no_preview(tmp_path):

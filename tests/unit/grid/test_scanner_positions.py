@@ -10,6 +10,7 @@ from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.preprocess import scanner_positions
+from pointglass.viewer.preprocess.scan_description import ScanSummary
 from pointglass.viewer.preprocess.scan_lines import WINDOW
 from pointglass.viewer.preprocess.scanner_positions import StationInference
 from pointglass.viewer.readers.source import Chunk, ScanInfo, Source
@@ -48,8 +49,8 @@ def test_a_merged_file_is_split_into_stations_by_the_order_of_its_points(tmp_pat
     scene = open_scene([written(tmp_path / f"room.{kind}", xyz, rgb)], cache=False)
     assert np.abs(scene.station_places - PLACES).max() < 0.05
     assert (stations_of(scene, xyz) == station).mean() > 0.97
-    scans = scene.meta["scans"]
-    assert sum(scan["count"] for scan in scans) == len(xyz) and all(scan["inferred"] for scan in scans)
+    scans = scene.meta.scans
+    assert sum(scan.count for scan in scans) == len(xyz) and all(scan.inferred for scan in scans)
     told = format_text(facts(scene))
     assert "room, station 2: " in told and "inferred from the order of the points" in told
     assert facts(scene)["stations"] == "weighed"
@@ -59,13 +60,13 @@ def test_inferred_stations_get_exposure_compensation(tmp_path):
     xyz, rgb, station = swept(2)
     file = written(tmp_path / "room.laz", xyz, rgb * np.array([0.85, 1.15])[station][:, None])
     scene = open_scene([file], cache=False)
-    assert scene.meta["exposures"]["matched"] == scene.meta["exposures"]["stations"] == 2
+    assert scene.meta.exposures.matched == scene.meta.exposures.stations == 2
     points, colours, _, _ = unpack(scene)
     expected = 110 + 60 * np.sin(3 * points.sum(axis=1))
     ratio = colours[:, 0] / expected
     assert np.percentile(np.abs(ratio / np.median(ratio) - 1), 98) < 0.03, "one brightness on all surfaces"
     plain = open_scene([file], cache=False, match=False)
-    assert plain.meta["exposures"] is None and (unpack(plain)[3] == unpack(scene)[3]).all(), "stations, but no colour changed"
+    assert plain.meta.exposures is None and (unpack(plain)[3] == unpack(scene)[3]).all(), "stations, but no colour changed"
 
 
 def test_files_of_one_station_each_get_inferred_positions(tmp_path):
@@ -73,16 +74,16 @@ def test_files_of_one_station_each_get_inferred_positions(tmp_path):
     files = [written(tmp_path / f"{n}.ply", xyz[station == n], rgb[station == n]) for n in range(2)]
     scene = open_scene(files, cache=False)
     assert np.abs(scene.station_places - PLACES[:2]).max() < 0.05
-    assert [scan["name"] for scan in scene.meta["scans"]] == ["0, station 1", "1, station 1"]
+    assert [scan.name for scan in scene.meta.scans] == ["0, station 1", "1, station 1"]
     alone = open_scene(files[:1], cache=False)
-    assert alone.meta["scans"] == [{"name": "0", "count": int((station == 0).sum()), "position": None}], "one: nothing to gain"
+    assert alone.meta.scans == (ScanSummary("0", int((station == 0).sum())),), "one: nothing to gain"
 
 
 def test_shuffled_files_and_files_that_state_positions_are_not_split(tmp_path):
     xyz, rgb, station = swept(2)
     order = np.random.default_rng(1).permutation(len(xyz))
     scene = open_scene([written(tmp_path / "mixed.ply", xyz[order], rgb[order])], cache=False)
-    assert scene.meta["scans"] == [{"name": "mixed", "count": len(xyz), "position": None}]
+    assert scene.meta.scans == (ScanSummary("mixed", len(xyz)),)
     rgb = np.rint(rgb).astype(np.uint8)
     scans = [E57Scan(xyz[station == n] - (n, 0, 0), rgb[station == n], translation=(n, 0, 0)) for n in range(2)]
     scene = open_scene([write_e57(tmp_path / "says.e57", scans)], cache=False)

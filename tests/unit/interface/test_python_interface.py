@@ -20,6 +20,7 @@ from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.settings import Memory, Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 from pointglass.viewer.readers.e57.e57_images import read_photographs
 
 HEAVY = ("torch", "moderngl", "glcontext", "OpenGL", "numba", "imgui_bundle", "laspy", "pye57", "open3d")
@@ -30,8 +31,8 @@ def scan_of(seed: int, points: int = 5_000) -> pointglass.Scan:
     scene = scene_from_arrays(
         rng.uniform(-3, 3, (points, 3)) + (4.5e5, 5.2e6, 300), rng.integers(0, 256, (points, 3)).astype(np.uint8),
         intensity=rng.integers(0, 65536, points).astype(np.uint16), scan=rng.integers(0, 3, points).astype(np.uint8),
-        meta={"scans": [{"name": f"s{n}", "count": 1, "position": p} for n, p in
-                        enumerate([[4.5e5, 5.2e6, 300.0], None, [4.5e5 + 1, 5.2e6, 301.0]])]},
+        meta=ScanDescription(scans=tuple(ScanSummary(f"s{n}", 1, p) for n, p in
+                                         enumerate([(4.5e5, 5.2e6, 300.0), None, (4.5e5 + 1, 5.2e6, 301.0)]))),
     )  # fmt: skip
     return pointglass.Scan(scene, "made.laz", Memory())
 

@@ -1,5 +1,7 @@
 """View-dependent blending against its definition: station weights, confidence and tone matching."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -19,6 +21,7 @@ from pointglass.model.reference.station_weights import (
     station_weights,
 )
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
 
 def by_definition(xyz: np.ndarray, station: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -245,6 +248,7 @@ def test_an_implausibly_distant_scanner_position_is_unknown(axis, side):
     edge, reach = (scene.bounds[max(side, 0), axis], 20 * np.ptp(scene.bounds[:, 0]))
     near, far = xyz[0].copy(), xyz[0].copy()
     near[axis], far[axis] = edge + 0.99 * side * reach, edge + 1.01 * side * reach
-    scene.meta["scans"] = [{"position": near.tolist()}, {"position": far.tolist()}, {"position": None}]
+    scans = tuple(ScanSummary("", 0, place) for place in (tuple(near.tolist()), tuple(far.tolist()), None))
+    scene = replace(scene, meta=ScanDescription(scans=scans))
     places = scene.station_places
     assert np.array_equal(places[0], near) and np.isnan(places[1:]).all()

@@ -60,7 +60,7 @@ def test_pcd_points_that_are_nan_are_left_out_by_the_grid(tmp_path, data):
     points = some()
     points.xyz[7:10] = np.nan
     scene = open_scene(write_pcd(tmp_path / "a.pcd", points, data), cache=False)
-    assert scene.count == 397 and scene.meta["dropped"]["nan"] == 3
+    assert scene.count == 397 and scene.meta.dropped.nan == 3
 
 
 def test_pcd_agrees_with_open3d(tmp_path):
@@ -212,7 +212,7 @@ def test_ptx_scans_are_placed_by_their_poses(tmp_path, colour):
         np.testing.assert_array_equal(got[2], np.tile(points.rgb, (2, 1)))
     assert sum(chunk.invalid for chunk in got[0].chunks()) == 30
     scene = open_scene(tmp_path / "a.ptx", cache=False)
-    assert [scan["position"] for scan in scene.meta["scans"]] == [[0, 0, 0], list(FAR)] and scene.meta["units"] == "metre"
+    assert [scan.position for scan in scene.meta.scans] == [(0, 0, 0), tuple(FAR)] and scene.meta.units == "metre"
 
 
 def test_ptx_points_are_not_moved_by_an_invalid_pose(tmp_path):

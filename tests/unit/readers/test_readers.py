@@ -94,7 +94,7 @@ def test_e57_points_marked_invalid_are_left_out_and_counted(tmp_path, spherical)
     np.testing.assert_allclose(got[0], xyz[state == 0], atol=1e-12)
     np.testing.assert_array_equal(got[1], rgb[state == 0])
     assert got[4] == 200
-    assert open_scene(path, cache=False).meta["dropped"]["invalid"] == 200
+    assert open_scene(path, cache=False).meta.dropped.invalid == 200
 
 
 def test_e57_colour_of_16_bits_and_intensity_without_limits(tmp_path):
@@ -106,7 +106,7 @@ def test_e57_colour_of_16_bits_and_intensity_without_limits(tmp_path):
     np.testing.assert_array_equal(got[1], wide)
     assert (got[2].min(), got[2].max()) == (0, 65535)
     scene = open_scene(path, cache=False)
-    assert scene.meta["colour"]["bits"] == 16
+    assert scene.meta.colour.bits == 16
     assert sorted(map(tuple, unpack(scene)[1].tolist())) == sorted(map(tuple, rgb.tolist()))
 
 
@@ -125,8 +125,8 @@ def test_the_content_determines_the_format_and_a_wrong_suffix_gives_a_warning(tm
     xyz, rgb = surface(50)
     path = write_ply(tmp_path / "a.ply", xyz, rgb).rename(tmp_path / "a.las")
     scene = open_scene(path, cache=False)
-    assert scene.meta["format"] == "PLY"
-    assert "named .las but holds PLY" in scene.meta["warnings"][0]
+    assert scene.meta.format == "PLY"
+    assert "named .las but holds PLY" in scene.meta.warnings[0]
 
 
 def test_units_come_from_wkt_and_geotiff_keys(tmp_path):
@@ -147,7 +147,7 @@ def test_units_come_from_wkt_and_geotiff_keys(tmp_path):
     assert from_geokeys({1024: 2, 2048: 4326}) == ("EPSG:4326", "degree", None)
     xyz, rgb = surface(50)
     meta = open_scene(write_las(tmp_path / "a.las", xyz, rgb, wkt=feet), cache=False).meta
-    assert (meta["units"], meta["metres_per_unit"], meta["crs"]) == ("foot", 0.3048, "Oregon")
+    assert (meta.units, meta.metres_per_unit, meta.crs) == ("foot", 0.3048, "Oregon")
 
 
 def test_ply_reader_agrees_with_open3d(tmp_path):
@@ -174,7 +174,7 @@ def test_different_units_and_unknown_units_give_different_warnings(tmp_path):
     unknown = write_ply(tmp_path / "c.ply", xyz, rgb)
     feet = write_las(tmp_path / "d.las", xyz, rgb, wkt='PROJCS["Oregon",UNIT["foot",0.3048]]')
     same, half_known, mixed = (
-        " ".join(open_scene([metres, file], cache=False).meta["warnings"]) for file in (other, unknown, feet)
+        " ".join(open_scene([metres, file], cache=False).meta.warnings) for file in (other, unknown, feet)
     )
     assert "unit" not in same
     assert "not all of the files tell their unit of length" in half_known and "differ" not in half_known
@@ -186,7 +186,7 @@ def test_different_coordinate_systems_of_equal_units_give_a_warning(tmp_path):
         files = [write_las(tmp_path / f"{k}.las", *surface(200, k), wkt=f'PROJCS["{name}",UNIT["metre",1.0]]')
                  for k, name in enumerate(names)]  # fmt: skip
         scene = open_scene(files, cache=False)
-        return scene.meta["crs"], " ".join(scene.meta["warnings"])
+        return scene.meta.crs, " ".join(scene.meta.warnings)
 
     crs, said = warned("zone 32", "zone 32")
     assert crs == "zone 32" and "differ" not in said

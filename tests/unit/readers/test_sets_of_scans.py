@@ -46,12 +46,12 @@ def test_a_file_of_a_set_that_cannot_be_opened_is_left_out_and_named(tmp_path, n
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
     files = [tile(tmp_path / "a.laz"), BROKEN[name](tmp_path / name), tile(tmp_path / "b.laz", 3.0)]
     scene = open_scene(files, cache=cache)
-    named = [line for line in scene.meta["warnings"] if line.startswith("left out: ") and name in line]
+    named = [line for line in scene.meta.warnings if line.startswith("left out: ") and name in line]
     assert scene.count == 1400 and len(named) == 1 and "\n" not in named[0]
     assert main(["info", *map(str, files)]) == 0
     assert name in capsys.readouterr().err  # also of commands that print no warnings of the scan
     again = open_scene(files, cache=cache)
-    assert again.meta["warnings"] == scene.meta["warnings"]
+    assert again.meta.warnings == scene.meta.warnings
 
 
 def test_where_no_file_of_a_set_can_be_opened_one_line_says_so(tmp_path, capsys):
@@ -187,7 +187,7 @@ def test_the_e57_of_a_set_is_still_read_with_all_of_its_scans(tmp_path):
     xyz, rgb = surface(300)[:2]
     e57 = write_e57(tmp_path / "a.e57", [E57Scan(xyz, rgb), E57Scan(xyz, rgb)])
     scene = open_scene([e57, empty_las(tmp_path / "b.las")], cache=False)
-    assert scene.count == 600 and len(scene.meta["scans"]) == 2
+    assert scene.count == 600 and len(scene.meta.scans) == 2
 
 
 def test_the_window_names_the_files_that_the_scene_left_out(tmp_path):

@@ -6,6 +6,7 @@ from window_session import Clock
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import Camera
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.flight.flight import REST, Flight
 from pointglass.viewer.window.flight.glide import Glide
 from pointglass.viewer.window.flight.navigation import PITCH_LIMIT, FlyState
@@ -177,7 +178,7 @@ def test_a_double_click_faces_a_wall_and_looks_down_on_a_floor(seed):
     wall_axes = np.stack([np.cross(up, normal), up, normal], axis=1)
     for axes in (wall_axes, np.eye(3)):
         xyz = surface(rng, axes, np.array([0.0, 0.0, 2.0]))
-        scene = scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta={"metres_per_unit": 1.0})
+        scene = scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
         out = axes[:, 2]
         eye = np.array([0.0, 0.0, 2.0]) + 5 * out + axes[:, :2] @ rng.uniform(-3, 3, 2)
         point = np.array([0.0, 0.0, 2.0]) + axes[:, :2] @ rng.uniform(-1, 1, 2)
@@ -197,7 +198,7 @@ def test_a_double_click_does_not_fly_behind_an_obstacle(seed):
     back = np.stack([rng.uniform(-4, 4, 40_000), np.zeros(40_000), rng.uniform(0, 3, 40_000)], axis=1)
     front = np.stack([rng.uniform(-4, 0.4, 30_000), np.full(30_000, 1.0), rng.uniform(0, 3, 30_000)], axis=1)
     xyz = np.concatenate([back, front])
-    scene = scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta={"metres_per_unit": 1.0})
+    scene = scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
     point, eye = np.array([0.0, 0.0, 1.5]), np.array([4.0, 4.0, 1.5])
     position, direction = approach(scene, eye, point, np.array([0.0, 0.0, 1.0]), 1.0)
     along = np.linspace(0.3, 1.0, 50)[:, None] * (position - point) + point

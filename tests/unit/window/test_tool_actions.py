@@ -12,6 +12,7 @@ from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
@@ -27,7 +28,7 @@ def wall():
     """A wall of 4 by 3 m at y = 5, in a fine regular grid."""
     x, z = np.meshgrid(np.arange(0, 4, 0.01), np.arange(0, 3, 0.01))
     xyz = np.stack([x.ravel(), np.full(x.size, 5.0), z.ravel()], axis=1)
-    return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta={"metres_per_unit": 1.0})
+    return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
 
 
 class Context:

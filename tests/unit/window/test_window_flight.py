@@ -6,6 +6,7 @@ from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import look_at
+from pointglass.viewer.preprocess.scan_description import ScanSummary
 from pointglass.viewer.window.flight.framing import overview
 from pointglass.viewer.window.flight.navigation import FlyState, Motion, changed_speed, step, view_along
 from pointglass.viewer.window.flight.start_viewpoint import start_camera, survey
@@ -60,9 +61,9 @@ def test_a_visit_to_a_room_starts_inside_at_eye_height(metre, offset):
 
 
 def test_a_visit_starts_at_a_scanner_where_there_is_one():
-    scans = [{"name": "a", "count": 10, "position": [1, 1, 1.5]}, {"name": "b", "count": 900, "position": [5, 4, 1.4]}]
+    scans = [ScanSummary("a", 10, (1, 1, 1.5)), ScanSummary("b", 900, (5, 4, 1.4))]
     assert np.allclose(start_camera(room(scans=scans), 640, 400).position, [5, 4, 1.4])
-    far = [{"name": "a", "count": 10, "position": [9e5, 0, 0]}]
+    far = [ScanSummary("a", 10, (9e5, 0, 0))]
     assert start_camera(room(scans=far), 640, 400).position[0] < 10
 
 

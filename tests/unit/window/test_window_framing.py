@@ -5,6 +5,7 @@ import pytest
 from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 from pointglass.viewer.window.flight.start_viewpoint import darkness, start_camera, survey
 from pointglass.viewer.work.places.standing_place import enclosure
 
@@ -16,7 +17,7 @@ def test_an_object_is_framed_entire_and_upright_and_terrain_is_seen_from_above(a
     statue = turn / np.linalg.norm(turn, axis=1, keepdims=True) * (0.8, 0.9, 2.0) + (4e5, 5e6, 30.0)
     tile = np.stack([rng.uniform(0, 900, 30_000), rng.uniform(0, 500, 30_000), rng.normal(0, 4, 30_000)], axis=1)
     for points, steepest in ((statue, 35.0), (tile, 60.0)):
-        scene = scene_from_arrays(points, np.full((len(points), 3), 180, np.uint8), meta={"metres_per_unit": 1.0})
+        scene = scene_from_arrays(points, np.full((len(points), 3), 180, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
         height = 480
         camera = start_camera(scene, round(aspect * height), height)
         pixels, depth = camera.project(points)
@@ -38,7 +39,7 @@ def test_a_room_is_entered_and_a_wall_is_not():
     assert (camera.position > 0.3).all() and (camera.position < (7.7, 5.7, 2.7)).all()
     rng = np.random.default_rng(3)
     wall = np.stack([rng.uniform(0, 6, 20_000), rng.normal(0, 0.01, 20_000), rng.uniform(0, 3, 20_000)], axis=1)
-    scene = scene_from_arrays(wall, np.full((20_000, 3), 200, np.uint8), meta={"metres_per_unit": 1.0})
+    scene = scene_from_arrays(wall, np.full((20_000, 3), 200, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
     seen = survey(scene)
     assert enclosure(seen, np.array([3.0, 1.5, 1.6])) < 0.5
     pixels, depth = start_camera(scene, 640, 400).project(wall)
@@ -62,8 +63,8 @@ def test_a_visit_begins_facing_the_room_not_the_street_behind_its_window(seed_of
     bricks = np.repeat(((front[:, 0] // 1.5 + front[:, 2] // 1.5) % 2 * 150 + 50).astype(np.uint8)[:, None], 3, axis=1)
     shelf = np.stack([rng.uniform(0.5, 5.5, 8_000), np.full(8_000, 0.3), rng.uniform(0, 2, 8_000)], axis=1)
     books = np.repeat(((shelf[:, 0] // 0.3 + shelf[:, 2] // 0.4) % 2 * 150 + 50).astype(np.uint8)[:, None], 3, axis=1)
-    scans = [{"name": "one", "position": [3.0, 4.1, 1.55], "count": 108_000}]
+    scans = (ScanSummary("one", 108_000, (3.0, 4.1, 1.55)),)
     scene = scene_from_arrays(np.concatenate([xyz, front, shelf]), np.concatenate([rgb, bricks, books]),
-                              meta={"metres_per_unit": 1.0, "scans": scans})
+                              meta=ScanDescription(metres_per_unit=1.0, scans=scans))
     camera = start_camera(scene, 640, 480)
-    assert np.allclose(camera.position, scans[0]["position"], atol=0.01) and camera.forward[1] < 0.3
+    assert np.allclose(camera.position, scans[0].position, atol=0.01) and camera.forward[1] < 0.3

@@ -16,6 +16,7 @@ from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.composition import split_column
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.preprocess.scan_description import ColourSummary, ExposureSummary, RunSummary
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.interaction import controls
@@ -139,9 +140,11 @@ def test_a_network_that_cannot_be_had_takes_back_no_later_choice():
 def test_what_is_odd_about_a_scan_is_said():
     made, _ = session()
     scene = room()
-    scene.meta["colour"] = {"source": "intensity", "note": "no colour in the file; showing intensity"}
-    scene.meta["warnings"].append("3 points without coordinates left out")
-    scene.meta["exposures"], scene.meta["passes"] = {"applied": False}, {"applied": True}
+    scene = replace(scene, meta=replace(
+        scene.meta, colour=ColourSummary("intensity", 8, "no colour in the file; showing intensity"),
+        warnings=("3 points without coordinates left out",), exposures=ExposureSummary(2, 2, False, 1.0, 1.0),
+        passes=RunSummary(0.5, True),
+    ))  # fmt: skip
     made.accept(Loaded(scene, survey(scene)))
     assert [notice.text for notice in made.notices.of_scan] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
@@ -204,7 +207,7 @@ def test_a_folder_of_scans_stands_for_the_scans_in_it(tmp_path):
 def test_what_was_said_about_a_scene_goes_with_it_and_what_was_saved_stays():
     made, _ = session()
     odd, plain = room(), room()
-    odd.meta["warnings"].append("3 points without coordinates left out")
+    odd = replace(odd, meta=replace(odd.meta, warnings=("3 points without coordinates left out",)))
     made.accept(Loaded(odd, survey(odd)))
     made.notices.toast("Saved a.png")
     made.accept(Loaded(plain, survey(plain)))

@@ -11,6 +11,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.grid.scene import packed, unpack
 from pointglass.viewer.picture.edits import GHOSTS, Edits
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 from pointglass.viewer.stream.chunk_source import ChunkSource
 from pointglass.viewer.work.document import Document
 from pointglass.viewer.work.ghosts import find_ghosts, prepared, with_ghosts
@@ -44,7 +45,7 @@ def swept(seed: int, *, rays: int = 60_000, radius: float = 0.25, height: float 
     xyz, ghost = np.concatenate(xyz) * scale + origin, np.concatenate(ghost)
     rgb = rng.integers(40, 256, (len(xyz), 3), dtype=np.uint8)
     rgb[:, 2] = np.where(ghost, 255, np.minimum(rgb[:, 2], 254))  # tells it in the scene
-    meta = {"scans": [{"name": f"tripod {n}", "position": place.tolist()} for n, place in enumerate(places)]}
+    meta = ScanDescription(scans=tuple(ScanSummary(f"tripod {n}", 0, tuple(place)) for n, place in enumerate(places.tolist())))
     scene = scene_from_arrays(xyz, rgb, scan=np.concatenate(station).astype(np.uint8), meta=meta, noise=False)
     return scene, unpack(scene)[1][:, 2] == 255
 
@@ -81,7 +82,7 @@ def test_marks_are_the_same_in_slices_arrays_and_chunks_and_leave_the_points_alo
     marked = with_ghosts(scene)
     assert np.array_equal(scene.points, before) and marked.points is scene.points
     number = marked.marked.station
-    assert number == 3 and len(marked.meta["scans"]) == 4 and len(scene.meta["scans"]) == 3
+    assert number == 3 and len(marked.meta.scans) == 4 and len(scene.meta.scans) == 3
     whole = packed(marked)
     assert np.array_equal(np.flatnonzero(whole[:, 2] >> 24 == number), marked.marked.numbers)
     assert np.array_equal(whole[:, :2], before[:, :2]) and np.array_equal(whole[:, 2] & 0xFFFFFF, before[:, 2] & 0xFFFFFF)
@@ -117,9 +118,9 @@ def test_an_export_leaves_hidden_ghosts_out_and_gives_shown_ones_their_own_stati
 def test_a_scan_without_two_known_positions_is_refused_in_one_line(seed):
     scene, _ = swept(seed, rays=2000)
     with pytest.raises(InputError, match="this scan has 1 station with a known position"):
-        find_ghosts(replace(scene, meta={**scene.meta, "scans": [scene.meta["scans"][0], {"name": "b"}, {"name": "c"}]}))
+        find_ghosts(replace(scene, meta=ScanDescription(scans=(scene.meta.scans[0], ScanSummary("b", 0), ScanSummary("c", 0)))))
     with pytest.raises(InputError, match="255 stations"):
-        find_ghosts(replace(scene, meta={**scene.meta, "scans": scene.meta["scans"] * 85}))
+        find_ghosts(replace(scene, meta=replace(scene.meta, scans=scene.meta.scans * 85)))
     for made in (Document, Edits):
         with pytest.raises(InputError, match="ghosts 'gone': expected one of shown, dimmed, hidden"):
             made(ghosts="gone")

@@ -10,6 +10,7 @@ from pointglass.viewer import cli
 from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.readers import crs
 from pointglass.viewer.window.interaction.reference_panel import assign_crs, assign_unit
 from pointglass.viewer.window.panels.status_bar import units_text
@@ -117,13 +118,13 @@ def test_an_export_opened_again_has_what_was_assigned(tmp_path, seed, suffix, co
     out = tmp_path / f"out{suffix}"
     export(Selection(replace(scene, meta=meta)), out)
     again = open_scene([out], cache=False).meta
-    assert again["crs"] == expected[0]
+    assert again.crs == expected[0]
     if suffix == ".laz":  # E57 is in metres by its standard
-        assert again["metres_per_unit"] == pytest.approx(expected[1], rel=1e-9)
+        assert again.metres_per_unit == pytest.approx(expected[1], rel=1e-9)
 
 
 def test_nothing_assigned_changes_nothing(seed):
-    meta = {"crs": "x", "units": "foot", "metres_per_unit": 0.3048}
+    meta = ScanDescription(crs="x", units="foot", metres_per_unit=0.3048)
     assert with_reference(meta, [ScanFile("a.laz")]) is meta and wkt_of(meta) is None
 
 

@@ -7,6 +7,7 @@ from window_session import room
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.edits import UP_AXES
+from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.flight.flight import Flight
 from pointglass.viewer.window.flight.navigation import Motion, step, view_along
 from pointglass.viewer.window.flight.start_viewpoint import brightening, darkness, lying, start_state, survey
@@ -25,7 +26,7 @@ def _room(size, rng, count=60_000):
 
 
 def _scene(xyz):
-    return scene_from_arrays(xyz, np.full((len(xyz), 3), 130, np.uint8), meta={"metres_per_unit": 1.0}, noise=False)
+    return scene_from_arrays(xyz, np.full((len(xyz), 3), 130, np.uint8), meta=ScanDescription(metres_per_unit=1.0), noise=False)
 
 
 @pytest.mark.parametrize("up", list(UP_AXES.values()))
@@ -62,7 +63,7 @@ def test_a_visit_to_a_turned_room_is_the_turned_visit(name):
     axes = upright_axes(UP_AXES[name])
     level = room()
     points, rgb, _, _ = unpack(level, slice(None))
-    scene = scene_from_arrays(points @ axes.T, rgb, meta={"metres_per_unit": 1.0}, noise=False)
+    scene = scene_from_arrays(points @ axes.T, rgb, meta=ScanDescription(metres_per_unit=1.0), noise=False)
     seen = survey(scene)
     state = start_state(scene, seen, 1.6, UP_AXES[name])
     inside = axes.T @ state.position

@@ -231,13 +231,13 @@ class GridColumns:
         self._selection = selection
 
     def scan_info(self) -> list[ScanInfo]:
-        scans = self._selection.scene.meta.get("scans") or []
+        scans = self._selection.scene.meta.scans
         places = self._selection.scene.station_places
         found = []
         for number, scan in enumerate(scans):
             known = number < len(places) and np.isfinite(places[number]).all()
             x, y, z = places[number].tolist() if known else (0.0, 0.0, 0.0)
-            found.append(ScanInfo(str(scan.get("name") or f"scan {number + 1}"), (x, y, z) if known else None))
+            found.append(ScanInfo(scan.name or f"scan {number + 1}", (x, y, z) if known else None))
         return found
 
     def pieces(self, label: str) -> Iterator[Piece]:

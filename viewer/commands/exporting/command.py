@@ -79,13 +79,13 @@ def export(
         raise InputError(f"needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}", option="--out", value=out,
                          remedy="make room")
     losses, written = Losses(), [0]
-    for text in about_several(selection.scene.meta.get("warnings") or []):
+    for text in about_several(selection.scene.meta.warnings):
         losses.add(text)
 
     def fill(path: Path) -> None:
         written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)
 
-    sources = [path for path in map(Path, selection.scene.meta.get("sources") or []) if path.exists()]
+    sources = [path for path in map(Path, selection.scene.meta.sources) if path.exists()]
     try:
         write_atomic(out, fill, sources=sources)
     except OSError as error:
@@ -100,7 +100,7 @@ def _check_not_source(selection: Selection, out: Path) -> None:
     """Raises InputError where the file to write is a scan that is read, by whatever name, or belongs to a grid."""
     if (grid := next((folder for folder in out.resolve().parents if is_grid(folder)), None)) is not None:
         raise InputError(f"is inside {grid}, a folder made by convert", option="--out", value=out, remedy="choose another name")
-    for source in selection.scene.meta.get("sources") or []:
+    for source in selection.scene.meta.sources:
         path = Path(source)
         same = out.exists() and path.exists() and os.path.samefile(path, out)
         inside = path.name.lower() in _FOLDER_FILES and path.parent.resolve() in out.resolve().parents

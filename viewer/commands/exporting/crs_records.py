@@ -19,6 +19,7 @@ from .losses import Losses
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ...preprocess.scan_description import ScanDescription
     from ...readers.source import Source
 
 _WKT, _KEYS = 2112, 34735
@@ -38,7 +39,7 @@ class Reference:
     records_from: Path | None = None
 
 
-def reference_of(meta: dict, sources: "Sequence[Source]", losses: Losses) -> Reference:
+def reference_of(meta: "ScanDescription", sources: "Sequence[Source]", losses: Losses) -> Reference:
     """The system of these sources.  meta: of the scene.  Where they state different ones, none, which ``losses`` names."""
     if (assigned := wkt_of(meta)) is not None:
         return _from_wkt(assigned)
@@ -64,9 +65,9 @@ def reference_of(meta: dict, sources: "Sequence[Source]", losses: Losses) -> Ref
     return found
 
 
-def without_sources(meta: dict) -> Reference:
+def without_sources(meta: "ScanDescription") -> Reference:
     """The system of a grid whose files are gone."""
-    return _from_wkt(wkt) if (wkt := wkt_of(meta)) is not None else _from_text(meta.get("crs") or "")
+    return _from_wkt(wkt) if (wkt := wkt_of(meta)) is not None else _from_text(meta.crs or "")
 
 
 def coordinate_metadata(path: Path) -> str:

@@ -15,6 +15,7 @@ from ...common.errors import InputError, Option
 from ...common.progress import progress
 from ...grid.records.point_records import identity_of
 from ...picture.clip import contains
+from ...preprocess.scan_description import RecordOrigin, ScanSummary
 from ...readers.source import Records, ScanInfo, Source
 from ...work.selection import BLOCK
 
@@ -48,20 +49,19 @@ class ScanNumbers:
 
 def scan_numbers(scene: "Scene", sources: list[Source]) -> ScanNumbers:
     """Which scans of the scene belong to which source; from ``Scene.meta``."""
-    known = scene.meta.get("records") or {}
-    if len(known.get("scans", ())) == len(sources):
-        before = np.concatenate([[0], np.cumsum(known["scans"])[:-1]]).astype(int).tolist()
-        return ScanNumbers(before, {int(source): np.array(turns, np.int64) for source, turns in known.get("turns", {}).items()})
+    known, scans = scene.meta.records or RecordOrigin(), scene.meta.scans
+    if len(known.scans) == len(sources):
+        before = np.concatenate([[0], np.cumsum(known.scans)[:-1]]).astype(int).tolist()
+        return ScanNumbers(before, {source: np.array(turns, np.int64) for source, turns in known.turns.items()})
     before, turns, at, running = [], {}, 0, 0
-    scans = scene.meta.get("scans") or []
     for number, source in enumerate(sources):
         before.append(at)
         stations = 0
         while (
-            at + stations < len(scans) and scans[at + stations].get("inferred") and _is_station(scans[at + stations], stations)
+            at + stations < len(scans) and scans[at + stations].inferred and _is_station(scans[at + stations], stations)
         ):
             stations += 1
-        counts = [int(scan["count"]) for scan in scans[at : at + (stations or len(source.scans))]]
+        counts = [scan.count for scan in scans[at : at + (stations or len(source.scans))]]
         if stations:
             turns[number] = running + np.cumsum(counts)[:-1]
         running += sum(counts)
@@ -69,8 +69,8 @@ def scan_numbers(scene: "Scene", sources: list[Source]) -> ScanNumbers:
     return ScanNumbers(before, turns)
 
 
-def _is_station(scan: dict, index: int) -> bool:
-    return str(scan.get("name", "")).endswith(f", station {index + 1}")
+def _is_station(scan: ScanSummary, index: int) -> bool:
+    return scan.name.endswith(f", station {index + 1}")
 
 
 class SourceRecords:
@@ -80,8 +80,8 @@ class SourceRecords:
         from ...readers.formats import open_sources
 
         self.selection, self.scene = selection, selection.scene
-        paths = [Path(path) for path in self.scene.meta["sources"]]
-        columns = columns or (self.scene.meta.get("records") or {}).get("columns")
+        paths = [Path(path) for path in self.scene.meta.sources]
+        columns = columns or (self.scene.meta.records or RecordOrigin()).columns
         self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns)
         self.numbers = scan_numbers(self.scene, self.sources)
         self._ghosts = self._hidden_ghosts()
@@ -102,12 +102,7 @@ class SourceRecords:
 
     def scan_info(self) -> list[ScanInfo]:
         """Name and position of each scan of the scene."""
-        found = []
-        for number, scan in enumerate(self.scene.meta.get("scans") or []):
-            place = scan.get("position")
-            position = None if place is None else (float(place[0]), float(place[1]), float(place[2]))
-            found.append(ScanInfo(str(scan.get("name") or f"scan {number + 1}"), position))
-        return found
+        return [ScanInfo(scan.name or f"scan {number}", scan.position) for number, scan in enumerate(self.scene.meta.scans, 1)]
 
     def records(self, label: str) -> Iterator[tuple[int, np.ndarray | None, np.ndarray, Records]]:
         """Yields (source, mask, scan numbers, records) of all pieces of all sources, with progress; mask as of :meth:`mask`."""
@@ -158,13 +153,15 @@ class SourceRecords:
 
 def why_gone(scene: "Scene") -> str | None:
     """Why the files of a scene cannot be read again; None where they can."""
-    files = (scene.meta.get("records") or {}).get("files") or [[path] for path in scene.meta.get("sources") or []]
-    for name, *state in files:
+    read = (scene.meta.records or RecordOrigin()).files
+    files = [(path, state) for path, *state in read] if read else [(path, None) for path in scene.meta.sources]
+    for path, state in files:
         try:
-            if identity_of(Path(name))[1:] != state and state:
-                return f"{Path(name).name} has changed since the grid was built"
+            _, *now = identity_of(Path(path))
         except OSError as error:
-            return f"{Path(name).name} cannot be read ({error.strerror or error})"
+            return f"{Path(path).name} cannot be read ({error.strerror or error})"
+        if state is not None and now != state:
+            return f"{Path(path).name} has changed since the grid was built"
     return None if files or scene.live else "the points were not read from files"
 
 

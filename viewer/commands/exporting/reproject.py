@@ -15,6 +15,7 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...grid.building.degrees import like_degrees, utm_of
+from ...preprocess.scan_description import Assigned
 from ...readers import crs
 from ...readers.las.las_source import LasSource
 from ...readers.source import ScanInfo
@@ -76,13 +77,12 @@ class Reprojected:
         system = crs.system(self.code)
         if target == AUTO:
             losses.add(f"reprojected to {self.code}, {system.name}")
-        self._transform = self._places(source, system, () if scene.meta.get("assigned") else sources)
+        self._transform = self._places(source, system, () if scene.meta.assigned else sources)
         _tell_area(system, self.code, place, losses)
         _tell_accuracy(source, system, self.code, place, losses)
         self._degrees = system.is_geographic
         name, units, metres = crs.assigned(self.code)
-        self.meta = {key: value for key, value in scene.meta.items() if key != "assigned"}
-        self.meta |= {"crs": name, "units": units, "metres_per_unit": metres}
+        self.meta = replace(scene.meta, crs=name, units=units, metres_per_unit=metres, assigned=Assigned())
         self.reference: Reference = without_sources(self.meta)
         self._failed = self._seen = 0
         self._las_only = bool(sources) and all(isinstance(known, LasSource) for known in sources)
@@ -172,19 +172,19 @@ class Reprojected:
 def _stated(scene: "Scene", sources: "Sequence[Source]", losses: Losses) -> str | None:
     """WKT of the scan's system; None where there is none and its coordinates are degrees.  Raises InputError."""
     meta = scene.meta
-    file = Path(next(iter(meta.get("sources") or ["the scan"]))).name
+    file = Path(next(iter(meta.sources), "the scan")).name
     stated = list(dict.fromkeys(source.crs for source in sources if source.crs))
-    if len(stated) > 1 and not meta.get("assigned"):
+    if len(stated) > 1 and not meta.assigned:
         raise InputError(f"the files have different coordinate reference systems ({', '.join(stated[:4])})",
                          option="--reproject", remedy="export each alone")  # fmt: skip
     reference = reference_of(meta, sources, losses) if sources else without_sources(meta)
     if reference.wkt:
         return reference.wkt
-    name = meta.get("crs") or next(iter(stated), None)
+    name = meta.crs or next(iter(stated), None)
     if name:
         raise InputError(f"the definition of {name}, which {file} states, cannot be read", option="--reproject",
                          remedy="assign its EPSG code to the scan in the window and export the project")  # fmt: skip
-    if meta.get("units") != "degree" and not like_degrees(scene.bounds, next(iter(sources), None)):
+    if not meta.in_degrees and not like_degrees(scene.bounds, next(iter(sources), None)):
         raise InputError(f"{file} states no coordinate reference system and its coordinates are not degrees",
                          option="--reproject",
                          remedy="assign its EPSG code to the scan in the window and export the project")  # fmt: skip
@@ -198,7 +198,7 @@ def _read(wkt: str, scene: "Scene") -> Any:
         if system.is_engineering:
             raise ValueError("local coordinates without a place on the Earth")
     except ValueError as error:
-        name = scene.meta.get("crs") or "the scan's system"
+        name = scene.meta.crs or "the scan's system"
         raise InputError(f"{name} cannot be transformed ({error})", option="--reproject",
                          remedy="assign its EPSG code to the scan in the window and export the project") from None  # fmt: skip
     return system

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...common.errors import InputError
+from ...preprocess.scan_description import ScanDescription
 from ...work.selection import Selection
 from .columns import GridColumns, SourceColumns, Stream, Survey, survey
 from .crs_records import Reference, reference_of, without_sources
@@ -87,7 +88,7 @@ def _write_columns(
     kept: Sequence[Record] = (),
 ) -> int:
     target, meta = TARGETS[path.suffix.lower()], selection.scene.meta
-    sources = [Path(name) for name in meta.get("sources") or []]
+    sources = [Path(name) for name in meta.sources]
     found = survey(stream)
     if isinstance(stream, Reprojected):
         stream.check(found, target)
@@ -108,7 +109,7 @@ class Columns:
     found: Survey
     reference: Reference
     losses: Losses
-    meta: dict
+    meta: ScanDescription
     sources: list[Path]
     precision: float
     all_columns: bool
@@ -116,7 +117,7 @@ class Columns:
 
 
 def _write_las(given: Columns) -> None:
-    degrees, standard = given.meta.get("units") == "degree", has_standard_time(given.sources)
+    degrees, standard = given.meta.in_degrees, has_standard_time(given.sources)
     write_las(given.path, given.stream, given.found, given.reference, given.losses, precision=given.precision, degrees=degrees,
               standard_time=standard, records=given.kept)
 
@@ -126,8 +127,8 @@ def _copy_las(path: Path, records: SourceRecords, _: dict, reference: Reference,
 
 
 def _write_ply(given: Columns) -> None:
-    write_ply(given.path, given.stream, given.found, given.reference, given.losses, crs=given.meta.get("crs"),
-              units=given.meta.get("units"), all_columns=given.all_columns)
+    write_ply(given.path, given.stream, given.found, given.reference, given.losses, crs=given.meta.crs,
+              units=given.meta.units, all_columns=given.all_columns)
 
 
 def _write_e57(given: Columns) -> None:
@@ -137,7 +138,7 @@ def _write_e57(given: Columns) -> None:
     write_e57(given.path, stream, given.found, given.reference, given.losses)
 
 
-def _copy_e57(path: Path, records: SourceRecords, meta: dict, reference: Reference, losses: Losses) -> int | None:
+def _copy_e57(path: Path, records: SourceRecords, meta: ScanDescription, reference: Reference, losses: Losses) -> int | None:
     if not can_copy_e57(records.sources) or to_metres(meta, reference) is not None:
         return None
     tell_unit(meta, reference, losses)

@@ -17,7 +17,7 @@ _BLOCK = 1 << 24
 def can_copy(stream: SourceRecords, target: Target) -> bool:
     """Whether the file to write is the only source as it is: nothing left out, recoloured or assigned."""
     source = stream.sources[0]
-    plain = stream.everything and stream.colours is None and not stream.scene.meta.get("assigned")
+    plain = stream.everything and stream.colours is None and not stream.scene.meta.assigned
     return len(stream.sources) == 1 and plain and source.format in target.same and source.path.is_file()
 
 

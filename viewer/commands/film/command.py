@@ -125,7 +125,7 @@ def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rat
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
     made_of = {
-        "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(maker.settings),
+        "version": __version__, "scans": list(scene.meta.sources), "points": scene.count, "settings": asdict(maker.settings),
         "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
         "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
     }

@@ -28,9 +28,9 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
     """
     from ...grid.scene import CHUNK, unpack
 
-    source = (scene.meta.get("colour") or {}).get("source", "rgb")
-    if source != "rgb":
-        raise InputError(f"its points have no colours (shown by {source}), which the evaluation requires", file=path)
+    colour = scene.meta.colour
+    if colour is not None and not colour.of_files:
+        raise InputError(f"its points have no colours (shown by {colour.source}), which the evaluation requires", file=path)
     share, rng, parts = min(1.0, most / max(scene.count, 1)), np.random.default_rng(seed), []
     for start in range(0, scene.count, 16 * CHUNK):
         xyz, rgb, _, station = unpack(scene, slice(start, min(start + 16 * CHUNK, scene.count)))

@@ -61,14 +61,14 @@ def parse_line(text: str) -> tuple[np.ndarray, np.ndarray]:
 
 def paper_of(scene: "Scene", scale: float, dpi: int = DPI) -> Paper:
     """A sheet for a scene; where its unit is unknown it is taken as the metre, and the sheet says so."""
-    metres = scene.meta.get("metres_per_unit")
+    metres = scene.meta.metres_per_unit
     return Paper(scale, dpi, float(metres or 1.0), assumed=not metres)
 
 
 def cut_of(options: argparse.Namespace, scene: "Scene", document: "Document") -> Cut:
     """The cut that the options ask for.  Raises InputError."""
     thickness = options.thickness
-    usual = THICKNESS / float(scene.meta.get("metres_per_unit") or 1.0) if thickness is None else thickness
+    usual = THICKNESS / (scene.meta.metres_per_unit or 1.0) if thickness is None else thickness
     if options.plan is not None:
         return plan(options.plan, usual, document.up)
     if options.elevation is not None:
@@ -94,12 +94,6 @@ def run(options: argparse.Namespace) -> int:
     cut, paper = cut_of(options, scene, document), paper_of(scene, scale, options.dpi)
     selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
     drawing = draw(selection, cut, paper.pixel)
-    width, height = write_sheet(options.out, drawing, paper, scene, title_of(scene))
+    width, height = write_sheet(options.out, drawing, paper, scene, scene.meta.title)
     print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm")
     return 0
-
-
-def title_of(scene: "Scene") -> str:
-    """The names of the scans, short enough for a sheet."""
-    names = [Path(source).name for source in scene.meta.get("sources") or []] or ["points in memory"]
-    return names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "")

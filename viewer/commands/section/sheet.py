@@ -155,8 +155,8 @@ def _title(figure: "Figure", drawing: "Drawing", paper: Paper, scene: "Scene", t
     figure.text(*at(10, 16.5), title, fontsize=10, fontweight="bold", color=_INK)
     figure.text(*at(10, 11.5), f"{KINDS[cut.kind].capitalize()} {cut.text}   ·   1:{paper.scale:g}", fontsize=7.5, color=_INK)
     unit = unit_name(paper.metres) + (" (assumed: the file names no unit)" if paper.assumed else "")
-    crs = scene.meta.get("crs")
-    frame = f"coordinates in {unit}" + (f", {_short(str(crs))}" if crs else "")
+    crs = scene.meta.crs
+    frame = f"coordinates in {unit}" + (f", {_short(crs)}" if crs else "")
     facts = f"{counted(drawing.count, 'measured point')}, spacing {scene.spacing:.3g}   ·   {frame}"
     figure.text(*at(10, 7.2), facts, fontsize=6, color=_QUIET)
     figure.text(*at(10, 4.0), f"pointglass {__version__}: nothing filled, nothing repainted", fontsize=6, color=_QUIET)

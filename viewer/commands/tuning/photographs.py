@@ -80,11 +80,11 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Merged
             colours.add(0, first, chunk)
             first += len(chunk.xyz)
             meter.update(len(chunk.xyz) + chunk.invalid)
-        facts, _ = colours.decide((0.0, 1.0), {})
+        decision = colours.decide((0.0, 1.0), {})
         share, first = min(1.0, most / max(first, 1)), 0
         for chunk in source.chunks():
             rgb = colours.apply(0, first, chunk)
-            shown = rgb.any(1) if facts["colour"]["uncoloured"] else np.ones(len(rgb), bool)
+            shown = rgb.any(1) if decision.colour.uncoloured else np.ones(len(rgb), bool)
             pick = np.flatnonzero(shown & is_position(chunk.xyz) & (rng.random(len(chunk.xyz)) < share))
             station = np.broadcast_to(np.minimum(chunk.scan, 255), len(chunk.xyz))[pick].astype(np.uint8)
             parts.append((chunk.xyz[pick], rgb[pick], station))

@@ -9,13 +9,14 @@ Frame: file coordinates in, packed cells out.  Memory: three chunks, the histogr
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....model.appearance.noise import NoiseModel
-from ...preprocess.point_attributes import AttributeCounts, AttributeLayout
-from ...preprocess.point_colour import Colours
+from ...preprocess.point_attributes import AttributeCounts, AttributeLayout, common_ends
+from ...preprocess.point_colour import ColourDecision, Colours
+from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDescription, ScanSummary
 from ...preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
 from ...preprocess.scanner_positions import StationInference
 from ...readers.source import Source
@@ -48,12 +49,12 @@ Allocate = Callable[[str, tuple[int, ...], type], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class FirstPass:
-    """What pass 1 found out.  facts: entries of ``Scene.meta`` (colour, exposures, passes).  warnings: for a person."""
+    """What pass 1 found out.  decision: about colours; None where chunks have theirs.  warnings: for a person."""
 
     counts: CellCounts
     scans: ScanTable
     attributes: AttributeLayout
-    facts: dict
+    decision: ColourDecision | None
     warnings: list[str]
 
 
@@ -81,13 +82,14 @@ class _Clock:
 
 
 def build_grid(
-    sources: list[Source], *, colours: Colours | None, allocate: Allocate, facts: dict, stages: dict | None = None,
-    noise: bool = True,
+    sources: list[Source], *, colours: Colours | None, allocate: Allocate, known: ScanDescription,
+    stages: dict[str, float] | None = None, noise: bool = True,
 ) -> Scene:
     """Reads the sources twice and returns the finished scene.
 
     colours: decides on colours over whole files; None takes the chunks' 8-bit colours as they are.
-    facts: what is known already, for ``Scene.meta``, which adds dropped, scans, colour, attributes and warnings; not changed.
+    known: what is known already.  What the passes find out is added: warnings, records, colours (unless ``colours`` is None),
+    attributes, dropped points, and scans where none are known.
     stages: if given, receives the seconds each stage took.
     noise: estimate the noise of the colours; otherwise ``Scene.noise`` is None.
     Raises InputError for damaged files, and where no valid point is found.
@@ -104,7 +106,7 @@ def build_grid(
         clock.lap("faces")
         model = sample.solve() if sample else None
         clock.lap("noise")
-    return _scene(sources, first, placed, points, records, facts, coverage, model)
+    return _scene(sources, first, placed, points, records, known, coverage, model)
 
 
 def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
@@ -113,11 +115,12 @@ def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
     observers = [attributes, *([] if colours is None else [colours, stations]), *([clusters] if len(sources) > 1 else [])]
     counts = count_cells(sources, observers)
     check_any_valid(sources, counts)
-    scans, facts, warnings = stated_scans(sources), {}, []
+    scans, decision = stated_scans(sources), None
     if colours is not None:
         scans = stations.solve()
-        facts, warnings = colours.decide(_height_range(counts), scans.turns)
-    return FirstPass(counts, scans, attributes.layout(), facts, warnings + clusters.warnings())
+        decision = colours.decide(_height_range(counts), scans.turns)
+    warnings = [] if decision is None else decision.warnings
+    return FirstPass(counts, scans, attributes.layout(), decision, warnings + clusters.warnings())
 
 
 def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
@@ -157,26 +160,29 @@ def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass,
     return found
 
 
-def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, records: PointRecords, facts: dict,
-           coverage: np.ndarray, noise: NoiseModel | None) -> Scene:  # fmt: skip
+def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, records: PointRecords,
+           known: ScanDescription, coverage: np.ndarray, noise: NoiseModel | None) -> Scene:  # fmt: skip
     counts, layout, steps = placed.counts, placed.layout, placed.steps
     spacing = (steps or STEPS * _DEFAULT_SPACING) * layout.cell_size / STEPS
-    warnings = [*facts.get("warnings", []), *first.warnings]
+    warnings = [*known.warnings, *first.warnings]
     if 0 < steps < _LEAST_STEPS:
         warnings.append("points lie too close together for so wide a scan, positions are rounded; split it")
     warnings += drop_warnings(counts) + degree_warnings(sources, counts)
     warnings += precision_warnings(sources, counts, spacing if steps else None)
-    scans = facts["scans"] if "scans" in facts else _listed_scans(first, points)
+    scans = known.scans or _listed_scans(first, points)
     if len(scans) > MOST_NUMBERS:
         warnings.append(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as one; "
                         "picking, export and Python tell all apart")  # fmt: skip
-    meta = facts | first.facts | {
-        "warnings": [warning for source in sources for warning in source.warnings] + warnings,
-        "attributes": first.attributes.to_meta([source.intensity_ends for source in sources]),
-        "dropped": {"nan": counts.dropped[0], "invalid": counts.dropped[2], "stray": counts.dropped[1]},
-        "scans": scans,
-        "records": _origin(first.scans, records) | facts.get("records", {}),
-    }  # fmt: skip
+    attributes = first.attributes
+    if attributes.low is not None:
+        attributes = replace(attributes, ends=common_ends([source.intensity_ends for source in sources]))
+    meta = replace(
+        known, warnings=tuple(warning for source in sources for warning in source.warnings) + tuple(warnings),
+        attributes=attributes, scans=scans, records=_origin(first.scans, records, known.records or RecordOrigin()),
+        dropped=DroppedPoints(nan=counts.dropped[0], invalid=counts.dropped[2], stray=counts.dropped[1]),
+    )  # fmt: skip
+    if (decision := first.decision) is not None:
+        meta = replace(meta, colour=decision.colour, exposures=decision.exposures, passes=decision.passes)
     return Scene(
         points, layout.cells, layout.offsets, np.asarray(layout.base * layout.cell_size), layout.cell_size, layout.layers,
         counts.count, spacing, counts.bounds, meta, parts=PARTS, faces=coverage, boxes=placed.boxes, noise=noise,
@@ -184,15 +190,13 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
     )  # fmt: skip
 
 
-def _origin(scans: ScanTable, records: PointRecords) -> dict:
-    """Facts for ``Scene.meta`` that lead from running numbers to records and scans.
-
-    first, scan_first: as ``first`` and ``scans`` in PointRecords.  scans: number of each source's scans.  turns: as in
-    ScanTable, by source.
-    """
-    starts = None if records.scans is None else records.scans.tolist()
-    return {"first": records.first.tolist(), "scan_first": starts, "scans": [len(scans) for scans in scans.scans],
-            "turns": {str(source): turns.tolist() for source, turns in scans.turns.items()}}  # fmt: skip
+def _origin(scans: ScanTable, records: PointRecords, known: RecordOrigin) -> RecordOrigin:
+    """``known`` with what leads from running numbers to records and scans."""
+    return replace(
+        known, first=tuple(records.first.tolist()), scan_first=None if records.scans is None else tuple(records.scans.tolist()),
+        scans=tuple(len(scans) for scans in scans.scans),
+        turns={source: tuple(turns.tolist()) for source, turns in scans.turns.items()},
+    )  # fmt: skip
 
 
 def _height_range(counts: CellCounts) -> tuple[float, float]:
@@ -204,14 +208,13 @@ def _height_range(counts: CellCounts) -> tuple[float, float]:
     return max(float(low), float(counts.bounds[0, 2])), min(float(high + counts.cell_size), float(counts.bounds[1, 2]))
 
 
-def _listed_scans(first: FirstPass, points: np.ndarray) -> list[dict]:
-    """What ``Scene.meta`` says of each scan.  Chunks with a scan number per point are counted in the packed points."""
+def _listed_scans(first: FirstPass, points: np.ndarray) -> tuple[ScanSummary, ...]:
+    """The scans of the sources.  Chunks with a scan number per point are counted in the packed points."""
     counts = first.counts.kept | first.scans.counts
     if not counts:
         counts = {(0, i): int(n) for i, n in enumerate(np.bincount(points[:, 2] >> 24))}
-    return [
-        {"name": scan.name, "count": counts.get((s, i), 0), "position": scan.position and list(scan.position)}
-        | ({"inferred": True} if scan.inferred else {})
+    return tuple(
+        ScanSummary(scan.name, counts.get((s, i), 0), scan.position, scan.inferred)
         for s, scans in enumerate(first.scans.scans)
         for i, scan in enumerate(scans)
-    ]
+    )

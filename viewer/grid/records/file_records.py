@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
+from ...preprocess.scan_description import RecordOrigin
 from ...readers.source import AS_STORED, Records, Source
 from ..scene import Scene, attributes_of, colours, let_go, packed, positions, scan_numbers
 from .gathered_columns import GatheredColumns
@@ -61,9 +62,8 @@ class FileRecords:
 
     def __init__(self, scene: Scene):
         self._scene, self._records = scene, scene.records
-        stated = scene.meta.get("records") or {}
-        self._files: list[list] = stated.get("files") or []
-        self._columns: str | None = stated.get("columns")
+        origin = scene.meta.records or RecordOrigin()
+        self._files, self._columns = origin.files or (), origin.columns
 
     # ---- what is asked for
 
@@ -96,7 +96,7 @@ class FileRecords:
         return [*([] if values.rgb is None else ["rgb"]), *values.columns]
 
     def stations(self, index: Any) -> np.ndarray:
-        """(n,) int64: the number of the scan of each point, a place in ``meta["scans"]``, without the grid's limit of 255."""
+        """(n,) int64: number of each point's scan, a place in ``Scene.meta.scans``; without the grid's limit of 255."""
         found = [np.zeros(0, np.int64)]
         for part in _parts(index, self._scene.count):
             true = self._stations_of_records(part)
@@ -224,7 +224,7 @@ class FileRecords:
             if number < len(self._files):
                 file, *state = self._files[number]
                 try:
-                    if identity_of(Path(file))[1:] != state:
+                    if list(identity_of(Path(file))[1:]) != state:
                         return f"{file}: has changed since the grid was built; open the scan again"
                 except OSError as error:
                     return f"{file}: cannot be read ({error.strerror or error})"

@@ -129,10 +129,10 @@ def sum_of(low: np.ndarray, high: np.ndarray | None, chunk: int) -> int:
     return found if high is None else zlib.crc32(high[rows].data, found)
 
 
-def identity_of(file: Path) -> list:
-    """[path, bytes, time of the last change in ns]: what tells whether a file is still the one that was read."""
+def identity_of(file: Path) -> tuple[str, int, int]:
+    """(path, bytes, time of the last change in ns): what tells whether a file is still the one that was read."""
     stat = file.stat()
-    return [str(file.absolute()), stat.st_size, stat.st_mtime_ns]
+    return str(file.absolute()), stat.st_size, stat.st_mtime_ns
 
 
 def allocated(allocate: Callable[..., np.ndarray], count: int, running: int, sources: int) -> PointRecords:

@@ -4,6 +4,7 @@
 """
 
 import io
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -121,7 +122,7 @@ def picture_of(stored: StoredPicture, longest: int) -> tuple[np.ndarray, tuple[i
         raise InputError(f"{label} cannot be decoded ({error})", remedy="export it again") from None
 
 
-def pictures_in(sources: list[str]) -> list[StoredPicture]:
+def pictures_in(sources: Iterable[str]) -> list[StoredPicture]:
     """The pictures of all E57 files among the sources of a scene that are still there; a file that cannot be read has none."""
     found: list[StoredPicture] = []
     for source in map(Path, sources):

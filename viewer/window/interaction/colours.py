@@ -41,7 +41,7 @@ def _has_intensity(scene: "Scene") -> bool:
 _HAS: "dict[Need, Callable[[Scene], bool]]" = {
     Need.INTENSITY: _has_intensity,
     Need.CLASSES: lambda scene: scene.attributes.has_classes,
-    Need.STATIONS: lambda scene: len(scene.meta.get("scans") or []) > 1,
+    Need.STATIONS: lambda scene: len(scene.meta.scans) > 1,
 }
 
 
@@ -63,7 +63,7 @@ class AttributeLegend(Overlay):
         if mode.legend != "ramp":
             colours = category_colours(look.colour_by)
             if mode.legend == "stations":
-                numbers = range(min(len(scene.meta.get("scans") or [0]), 256))
+                numbers = range(min(max(len(scene.meta.scans), 1), 256))
                 named = [(number, station_name(scene, number)) for number in numbers]
             else:
                 named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.attributes.classes]

@@ -81,7 +81,7 @@ def unit_of(context: "ToolContext") -> str:
 
 def metres_per_unit(context: "ToolContext") -> float | None:
     """Of the scan shown: as the person assigned it, else as the file says; None where neither does."""
-    return context.session.work.facts(context.scene.meta).get("metres_per_unit") if context.scene is not None else None
+    return context.session.work.facts(context.scene.meta).metres_per_unit if context.scene is not None else None
 
 
 class Pointing:

@@ -51,7 +51,7 @@ class ReferencePanel:
         if not scans or context.scene is None:
             return
         code, look = scans[0].crs, context.theme
-        of_file = context.scene.meta.get("crs")
+        of_file = context.scene.meta.crs
         ui.text_unformatted("reference system")
         ui.set_next_item_width(-1)
         width, height = (look.px(side) for side in _POPUP)
@@ -144,7 +144,7 @@ class ReferencePanel:
                     assign_unit(context, length)
             ui.end_combo()
         elif ui.is_item_hovered(ui.HoveredFlags_.for_tooltip):
-            known = context.session.facts.get("metres_per_unit")
+            known = context.session.facts.metres_per_unit
             ui.set_tooltip(f"1 unit = {known:g} m" if known else "unknown: measurements are shown without a unit's name")
 
     def close(self) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from ...preprocess.scan_description import IN_MEMORY
 from ...work.scan_files import FilePart, files_of
 from ..interaction.tool import Toolbox, ToolContext
 from ..kit import theme
@@ -82,7 +83,7 @@ def _explained(tool) -> str:
 def _scans(session: Session, actions: Actions, style: Theme) -> None:
     scene = session.scene
     assert scene is not None
-    sources = scene.meta.get("sources") or ["points in memory"]
+    sources = scene.meta.sources or (IN_MEMORY,)
     width = imgui.get_content_region_avail().x
     if len(sources) > 1 and len(parts := files_of(scene)) == len(sources):
         _files(session, actions, style, parts)
@@ -94,7 +95,7 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
             text_in(theme.DIM, f"and {len(sources) - _ROWS} more")
     imgui.push_font(style.regular, theme.SMALL)
     rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
-    rows.append(("format", str(scene.meta.get("format") or "unknown")))
+    rows.append(("format", scene.meta.format or "unknown"))
     rows.append(("units", units_text(session.facts)))
     extent = scene.bounds[1] - scene.bounds[0]
     rows.append(("extent", " x ".join(f"{length:.4g}" for length in extent)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from ...preprocess.scan_description import ScanDescription
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, hint
@@ -32,15 +33,13 @@ def coordinates_text(point: np.ndarray | None, metres_per_unit: float | None) ->
     return "  ".join(f"{value:.{places}f}" for value in point)
 
 
-def units_text(meta: dict) -> str:
+def units_text(meta: ScanDescription) -> str:
     """The unit of the coordinates and the coordinate reference system, as far as they are known."""
-    metres = meta.get("metres_per_unit")
+    metres = meta.metres_per_unit
     named = {1.0: "m", 0.001: "mm", 0.01: "cm", 1000.0: "km", 0.3048: "ft", 1200 / 3937: "US ft"}
     unit = next((name for value, name in named.items() if metres and abs(value / metres - 1) < 1e-7), None)
-    unit = unit or (f"{metres:g} m" if metres else "degrees" if meta.get("units") == "degree" else "unit unknown")
-    crs = meta.get("crs")
-    name = crs.get("name") if isinstance(crs, dict) else crs
-    return f"{unit} · {name}" if name else unit
+    unit = unit or (f"{metres:g} m" if metres else "degrees" if meta.in_degrees else "unit unknown")
+    return f"{unit} · {meta.crs}" if meta.crs else unit
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
     rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     return [
-        _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,
+        _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
                 "The measured point under the pointer, in the file's coordinates"),
         _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
         _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...common.errors import Cancelled, PointglassError
+from ...preprocess.scan_description import ScanDescription
 from ...work.moved_scans import MissingScans
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import Notices, ScanNotice
@@ -39,14 +40,13 @@ class Loaded:
     problems: tuple[tuple[Path, str], ...] = ()
 
 
-def scan_notices(meta: dict) -> list[ScanNotice]:
+def scan_notices(meta: ScanDescription) -> list[ScanNotice]:
     """What a person should know about a scan: the reader's warnings, and how its colours differ from the file's."""
-    colour = meta.get("colour") or {}
-    notices = [ScanNotice(text) for text in meta.get("warnings", [])]
-    if colour.get("source", "rgb") != "rgb" and not any("colour" in notice.text for notice in notices):
-        notices.insert(0, ScanNotice(str(colour.get("note") or f"coloured by {colour['source']}")))
-    kinds = {"exposures": "stations", "passes": "runs of points"}
-    matched = [name for key, name in kinds.items() if (meta.get(key) or {}).get("applied")]
+    notices = [ScanNotice(text) for text in meta.warnings]
+    if meta.colour is not None and not meta.colour.of_files and not any("colour" in notice.text for notice in notices):
+        notices.insert(0, ScanNotice(meta.colour.note))
+    kinds = {"stations": meta.stations_matched, "runs of points": meta.runs_matched}
+    matched = [name for name, applied in kinds.items() if applied]
     if matched:
         text = f"The brightness of {' and of '.join(matched)} was made equal."
         notices.append(ScanNotice(text, "as_scanned", "Keep colours as scanned"))
@@ -120,7 +120,7 @@ def _left_out(scene: "Scene", files: list[Path]) -> list[tuple[Path, str]]:
     """(file, one line) of the files that were left out of a scene because they could not be opened."""
     from ...readers.formats import LEFT_OUT
 
-    lines = [text.removeprefix(LEFT_OUT) for text in scene.meta.get("warnings", []) if text.startswith(LEFT_OUT)]
+    lines = [text.removeprefix(LEFT_OUT) for text in scene.meta.warnings if text.startswith(LEFT_OUT)]
     return [(file, line) for line in lines for file in files if line.startswith((f"{file}:", f"{file.name}:"))]
 
 

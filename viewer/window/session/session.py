@@ -24,6 +24,7 @@ from ...common.text import counted
 from ...picture.camera import Camera
 from ...picture.settings import Settings
 from ...picture.spec import PictureSpec
+from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ...work.document import Document, Viewpoint
 from ..flight.flight import Flight
 from ..kit.notices import Notices, ScanNotice
@@ -97,9 +98,9 @@ class Session:
         return self.work.document
 
     @property
-    def facts(self) -> dict:
+    def facts(self) -> ScanDescription:
         """``Scene.meta`` of the scene shown, with the unit and reference system that a person assigned."""
-        return self.work.facts(self.scene.meta) if self.scene is not None else {}
+        return NO_DESCRIPTION if self.scene is None else self.work.facts(self.scene.meta)
 
     @property
     def point(self) -> np.ndarray | None:
@@ -196,7 +197,7 @@ class Session:
     @property
     def speed_text(self) -> str:
         """The flying speed in metres where the file knows them, else in its own units."""
-        return self.flight.speed_text(self.facts.get("metres_per_unit"))
+        return self.flight.speed_text(self.facts.metres_per_unit)
 
     def go_home(self) -> None:
         """Puts the camera where the visit began."""
@@ -275,9 +276,7 @@ class Session:
         self.picture.begin(loaded.scene.count)
         self._followed = document.edits, self.work.tint
         self.notices.leave_scene()
-        if loaded.preview:
-            return
-        self.notices.of_scan = visit.notices(document)
+        self.notices.of_scan = [] if loaded.preview else visit.notices(document)
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
 

@@ -146,7 +146,7 @@ class SceneVisit:
     def notices(self, document: Document) -> list[ScanNotice]:
         """What there is to say about the scene, most important first."""
         assert self.scene is not None and self._seen is not None
-        known = any(" places, " in text for text in self.scene.meta.get("warnings", []))
+        known = any(" places, " in text for text in self.scene.meta.warnings)
         offers = (_project_beside(document), None if known else far_apart(self._seen), darkness(self._seen),
                   lying(self._seen, document.up))
         return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
@@ -154,10 +154,7 @@ class SceneVisit:
     @property
     def title(self) -> str:
         """The scene in a few words."""
-        if self.scene is None:
-            return "pointglass"
-        sources = self.scene.meta.get("sources") or ["points in memory"]
-        return Path(sources[0]).name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
+        return "pointglass" if self.scene is None else self.scene.meta.title
 
 
 def _project_beside(document: Document) -> ScanNotice | None:

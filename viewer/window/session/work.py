@@ -12,6 +12,7 @@ from pathlib import Path
 from ...common.errors import InputError
 from ...picture.camera import Camera
 from ...picture.settings import Settings
+from ...preprocess.scan_description import ScanDescription
 from ...readers.e57.e57_photographs import StationPhoto
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
@@ -71,7 +72,7 @@ class DocumentState:
         self.located: dict[str, str | None] = {}
         self.digest = ""
         self.recovered: Recoverable | None = None
-        self._facts: tuple[dict, tuple[ScanFile, ...], dict] | None = None
+        self._facts: tuple[ScanDescription, tuple[ScanFile, ...], ScanDescription] | None = None
         self._next = Opening(Document())
         self._saved = Document()
         self._content: tuple[tuple, Document] | None = None
@@ -82,7 +83,7 @@ class DocumentState:
         """The present state."""
         return self.history.current
 
-    def facts(self, meta: dict) -> dict:
+    def facts(self, meta: ScanDescription) -> ScanDescription:
         """``Scene.meta`` with the unit and the reference system that the document assigns; ``meta`` where they cannot be used,
         and :attr:`reference_problem` says why."""
         scans = self.document.scans

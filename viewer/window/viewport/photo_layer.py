@@ -42,7 +42,7 @@ class PhotoLayer:
         frame: of the picture, for its depth.  camera: its camera, at any size.  scene: the one shown.
         """
         distance = float(np.linalg.norm(camera.position - chosen.photo.position))
-        metres = scene.meta.get("metres_per_unit")
+        metres = scene.meta.metres_per_unit
         share = strength(distance, metres, chosen.blend)
         if share <= 0.0:
             self.psnr = None

@@ -63,7 +63,7 @@ class Shot:
 
 def describe_shot(scene: "Scene", spec: PictureSpec, *, exposures: str | None = None) -> Shot:
     """The description of a picture of ``scene``.  exposures: as in :class:`Shot`; None: those that the scene has."""
-    scans = tuple(printable(Path(source).name) for source in scene.meta.get("sources") or [])
+    scans = tuple(printable(Path(source).name) for source in scene.meta.sources)
     if not spec.camera.name.isprintable():
         spec = replace(spec, camera=replace(spec.camera, name=printable(spec.camera.name)))
     weights = _weights_digest(spec.settings) if "neural" in spec.views else ""

@@ -180,9 +180,8 @@ def exactly(scene: "Scene", camera: "Camera", picked: Picked) -> Picked:
 
 def station_name(scene: "Scene", scan: int) -> str:
     """The name of a scan number; its number where it has none."""
-    scans = scene.meta.get("scans") or []
-    name = scans[scan].get("name") if scan < len(scans) else None
-    return str(name) if name else f"scan {scan + 1}"
+    scans = scene.meta.scans
+    return (scans[scan].name if scan < len(scans) else "") or f"scan {scan + 1}"
 
 
 def surface_around(scene: "Scene", position) -> Surface:

@@ -99,7 +99,7 @@ def sample_scene(scene: "Scene") -> SceneSample:
     whole_layers = int(ends[max(0, int(np.searchsorted(ends, _SAMPLE, side="right")) - 1)])
     points, rgb, _, _ = unpack(scene, slice(0, whole_layers))
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
-    metres = scene.meta.get("metres_per_unit")
+    metres = scene.meta.metres_per_unit
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
     spacing = min(max(float(scene.spacing), scene.step), diagonal)
     brightest = rgb.max(axis=1)
@@ -150,12 +150,12 @@ def overview_position(seen: Sampled, aspect: float, direction: np.ndarray) -> np
 
 def scanner_position(scene: "Scene", seen: Sampled) -> np.ndarray | None:
     """The position of the scan with most points, where the file gives one that lies in the scene."""
-    scans = [s for s in scene.meta.get("scans", []) if s.get("position") is not None]
+    scans = [scan for scan in scene.meta.scans if scan.position is not None]
     slack = 0.25 * (seen.high - seen.low) + seen.metre
-    for scan in sorted(scans, key=lambda s: -int(s.get("count") or 0)):
-        position = np.asarray(scan["position"], np.float64)
+    for scan in sorted(scans, key=lambda scan: -scan.count):
+        position = np.asarray(scan.position, np.float64)
         inside = (position > seen.low - slack) & (position < seen.high + slack)
-        if position.shape == (3,) and inside.all():
+        if inside.all():
             return position
     return None
 

@@ -95,7 +95,7 @@ def _shipped(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
     from ...common.paths import assets_dir
     from ..cameras.camera_files import read_cameras
 
-    if [Path(s) for s in scene.meta.get("sources", [])] != [(assets_dir() / "demo.laz").absolute()]:
+    if [Path(s) for s in scene.meta.sources] != [(assets_dir() / "demo.laz").absolute()]:
         return []
     return read_cameras(assets_dir() / "demo_cameras.json", size=size)
 

@@ -7,6 +7,7 @@ system, this program among them, take the unit from it.  Where no system can be 
 from collections.abc import Iterator
 from dataclasses import replace
 
+from ....preprocess.scan_description import ScanDescription
 from ....readers import crs
 from ....readers.source import ScanInfo
 from ..columns import Piece, Stream
@@ -17,26 +18,26 @@ _SAME = 1e-7
 """Relative; feet of two kinds differ by 2e-6."""
 
 
-def to_metres(meta: dict, reference: Reference) -> float | None:
+def to_metres(meta: ScanDescription, reference: Reference) -> float | None:
     """What coordinates are multiplied with to be metres, because no stored system states their unit; None where they are kept.
     meta: of the scene.  reference: what the E57 states."""
-    metres = meta.get("metres_per_unit")
+    metres = meta.metres_per_unit
     stated = crs.from_wkt(reference.wkt or "")[2]
     if not metres or _same(metres, 1.0) or (stated and _same(metres, stated)):
         return None
     return metres
 
 
-def tell_unit(meta: dict, reference: Reference, losses: Losses) -> None:
+def tell_unit(meta: ScanDescription, reference: Reference, losses: Losses) -> None:
     """Says in which unit other than metre coordinates are written.  meta, reference: as for :func:`to_metres`."""
     if to_metres(meta, reference) is not None:
-        losses.add(f"E57 counts in metres: coordinates are converted from {meta['units']}, since no reference system can be "
+        losses.add(f"E57 counts in metres: coordinates are converted from {meta.units}, since no reference system can be "
                    "stored that states it")  # fmt: skip
         return
     _, unit, metres = crs.from_wkt(reference.wkt or "")
     if unit == "degree" or (metres and not _same(metres, 1.0)):
         losses.add(f"E57 counts in metres: coordinates stay in {unit}, as the stored reference system says")
-    elif meta.get("units") == "degree":
+    elif meta.in_degrees:
         losses.add("E57 counts in metres: coordinates stay in degree, and no reference system says so")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....commands.section.command import THICKNESS, paper_of, title_of
+from ....commands.section.command import THICKNESS, paper_of
 from ....commands.section.cut import KINDS, Cut, along_line, elevation, plan
 from ....common.errors import InputError
 from ....picture.clip import Slab, vector
@@ -153,7 +153,7 @@ class SectionTool(Tool):
             from ....commands.section.sheet import write_sheet
 
             paper = paper_of(scene, scale)
-            write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
+            write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
             return out
 
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
@@ -182,7 +182,7 @@ class SectionTool(Tool):
             usual = paper_of(scene, scale)
             longest = float(np.ptp(scene.bounds, axis=0).max())
             paper = paper_of(scene, scale, preview_dpi(longest, scale, usual.metres))
-            return sheet_picture(draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
+            return sheet_picture(draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
 
         self.preview.follow(context, (cut, scale, document.clips, selection.hidden, weakref.ref(context.scene), document.scans),
                             work)

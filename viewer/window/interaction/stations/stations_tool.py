@@ -35,8 +35,8 @@ MOST_PARTS = 255
 
 def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
     """(number, name, position, inferred) of each station whose place is known."""
-    scans = scene.meta.get("scans") or []
-    return [(number, station_name(scene, number), place, bool(scans[number].get("inferred")) if number < len(scans) else False)
+    scans = scene.meta.scans
+    return [(number, station_name(scene, number), place, number < len(scans) and scans[number].inferred)
             for number, place in enumerate(scene.scan_places) if np.isfinite(place).all()]
 
 
@@ -46,7 +46,7 @@ def parts_of(scene: "Scene") -> list[tuple[int, str]]:
     Ghosts have a list of their own.
     """
     ghosts = scene.marked.station if scene.marked is not None else -1
-    count = min(len(scene.meta.get("scans") or []), MOST_PARTS)
+    count = min(len(scene.meta.scans), MOST_PARTS)
     parts = [(number, station_name(scene, number)) for number in range(count) if number != ghosts]
     return parts if len(parts) > 1 or places_of(scene) else []
 
