@@ -6,9 +6,11 @@ Shared by the shaders' host code and the torch reference implementation (model/r
 from dataclasses import dataclass
 
 SOFT_RELATIVE = 1.0 / 128.0
-"""Tolerance of ``auto`` as a share of depth; SOFT_SPACINGS is its lower limit.  Chosen by hand."""
+"""Tolerance of ``auto`` as a share of depth; SOFT_SPACINGS is its lower limit.  Half of it changes the filled picture by -0.21
+to +0.02 dB, twice by -0.06 to +0.04 (model/reference/filter_constants.py says of what)."""
 SOFT_SPACINGS = 1.0
-"""Lower limit of the tolerance of ``auto``, in point spacings of the scan.  Chosen by hand."""
+"""Lower limit of the tolerance of ``auto``, in point spacings of the scan.  It counts
+nearer than 128 spacings; half and twice of it change nothing in six rooms (below 0.002 dB)."""
 PAPER_SOFT_METRES = 0.02
 """The tolerance of the paper, in metres."""
 MAX_AVERAGED = 255

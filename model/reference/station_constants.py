@@ -4,7 +4,8 @@ HEAVIEST = 15
 """Largest weight of a point.  Weights are integers from 1 to 15, so that sums of them and of 12-bit light stay exact in
 16 bits and a carry."""
 UNPLACED = 4
-"""Weight of a point whose scanner position is unknown, in a scan where other positions are known.  Chosen by hand."""
+"""Weight of a point whose scanner position is unknown, in a scan where other positions are known: half of the typical weight of
+a point that decides a pixel (TYPICAL_WEIGHT, model/network/network_layout.py)."""
 CONFIDENCE_BLOCK = 8
 """Side, pixels, of the blocks over which weights and mean colours are compared.  Chosen by hand."""
 CONFIDENCE_HALF_SUM = 512.0
