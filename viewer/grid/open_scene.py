@@ -125,7 +125,7 @@ def _differences(sources: "Sequence[Source]") -> list[str]:
 
 def say_degrees(scene: Scene) -> None:
     """Logs a line where the coordinates of a scene are degrees, with the command that transforms them to metres."""
-    for line in scene.meta.get("warnings") or []:
+    for line in scene.meta.warnings:
         if IN_DEGREES in line:
             _log.warning("%s", line)
 
