@@ -137,7 +137,7 @@ def test_the_close_button_asks_chords_work_in_flight_and_a_folder_that_is_gone_l
     assert len(read_project(project).measurements) >= 2 and not autosaves(scan)
 
 
-NAME_FIELD = 100, 502
+NAME_FIELD = 90, 488
 """Logical pixels: the name of the first measurement in the panel of the tool, at a window of 1280 x 720."""
 
 DISCARD = 726, 400
@@ -148,6 +148,8 @@ def test_a_project_saved_right_after_typing_has_every_letter(display, scan):
     window = opened(display, scan)
     window.keys("t")
     measure(window)
+    until(lambda: [*(scan.parents[1] / "cache").glob("[!.]*/meta.json")], "all points: a preview has a line more in the panel")
+    time.sleep(3.0)
     name = "Distance from the door to the window, at the height of the handle"
     window.click(*NAME_FIELD)
     window.xdo("type", "--delay", "1", name)  # faster than the interface takes the keys
@@ -178,3 +180,20 @@ def test_work_discarded_for_a_scan_that_cannot_be_opened_survives_the_end_of_the
     window.process.send_signal(signal.SIGTERM)
     window.ended()
     assert measured(file), "the work is still offered"
+
+
+def test_escape_right_after_ctrl_q_answers_its_question_and_the_tool_stays(display, scan):
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    window.xdo("key", "--delay", "0", "ctrl+q", "Escape")
+    time.sleep(3.0)  # until the question has gone
+    window.click(480, 300)
+    window.click(720, 400)
+
+    def made() -> int:
+        return max((len(found.document.measurements) for file in autosaves(scan) if (found := read_unsaved(file))), default=0)
+
+    until(lambda: made() == 2, "a second measurement")
+    assert window.process.poll() is None
+    window.process.kill()

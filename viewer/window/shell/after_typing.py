@@ -19,6 +19,13 @@ class AfterTyping:
         """Whether an action waits."""
         return bool(self._waiting)
 
+    @property
+    def behind_click(self) -> bool:
+        """Whether imgui has not taken a click yet, so that it is not known whether a text is being typed."""
+        imgui = self._imgui
+        queue = imgui.get_current_context().input_events_queue
+        return any(event.type == imgui.internal.InputEventType.mouse_button for event in queue)
+
     def do(self, action: Callable[[], object]) -> None:
         """Calls ``action`` from a later :meth:`follow`, when imgui has taken all events that it has now."""
         self._waiting.append((self._imgui.get_current_context().input_events_next_event_id, action))

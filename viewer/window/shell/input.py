@@ -95,13 +95,24 @@ class Input:
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
         self._note_modifiers(mods, key, action)
+        clicked = self.after_typing.behind_click
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
-        typing = imgui.get_io().want_text_input or host.asking
         name, chord = self._chord(key, scancode, action, mods)
         if chord is not None and chord.everywhere:
             if action == glfw.PRESS:
                 self.after_typing.do(partial(host.act, chord.action))
             return
+        use = partial(self._use_key, key, name, chord, action, mods, self._modifiers)
+        if self.after_typing or clicked:  # Esc after Ctrl+Q answers the question; a letter after a click into a text is typed
+            self.after_typing.do(use)
+        else:
+            use()
+
+    def _use_key(self, key: int, name: str, chord: Control | None, action: int, mods: int, modifiers: Modifiers) -> None:
+        """What a key does beside what imgui makes of it."""
+        host = self._host
+        glfw = host.glfw
+        typing = host.imgui.get_io().want_text_input or host.asking
         control = self._by_key.get(key)
         if control is not None and control.kind in ("hold", "modifier"):
             if action == glfw.RELEASE:
@@ -115,7 +126,7 @@ class Input:
             kinds: dict[int, Literal["press", "release", "repeat"]] = {
                 glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
             }  # fmt: skip
-            if host.toolbox.key_event(KeyEvent(name, kinds[action], self._modifiers), host.tools):
+            if host.toolbox.key_event(KeyEvent(name, kinds[action], modifiers), host.tools):
                 return
             if chord is not None:
                 host.act(chord.action)
