@@ -18,18 +18,21 @@ import numpy as np
 LUMA = np.array([0.25, 0.6, 0.15])
 """Weights of red, green and blue; equal to model.network.unet.LUMA, which is not imported here because it needs torch."""
 KNOTS = 9
-"""Brightnesses, evenly spaced from 0 to 1, at which the noise curve is estimated.  Chosen by hand."""
+"""Brightnesses, evenly spaced from 0 to 1, at which the noise curve is estimated.  With 5 or 17 the noise at the points of four
+real scans changes by at most 4 % (median of a scan)."""
 MAX_VOXELS = 64
-"""Voxels of the lattice along its longest side, a power of two.  Chosen by hand."""
+"""Voxels of the lattice along its longest side, a power of two: twice as many as the neighbourhoods of BUDGET allow."""
 BOX_POINTS = 144
 """Points of a neighbourhood on a smooth surface, 12 x 12: enough for a variance within 12 %, few enough for a search without a
 tree."""
 BUDGET = 250_000
 """Points sampled, in some 2,000 neighbourhoods; chosen so that building plant_room.laz takes at most 5 % longer."""
 _MAX_IN_BOX = 512
-"""Most points of one group in a neighbourhood; more (several surfaces, coinciding points) are cut off.  Chosen by hand."""
+"""Most points of one group in a neighbourhood; more (several surfaces, coinciding points) are cut off.  Half changes the
+noise of four real scans by at most 4 %, twice changes nothing."""
 _MIN_IN_BOX = 24
-"""Fewest points of one group in a neighbourhood for an estimate.  Chosen by hand."""
+"""Fewest points of one group in a neighbourhood for an estimate.  Half or twice changes the noise at the points of the
+same scans by at most 2 % (median of a scan)."""
 _OUTER = 0.005
 """Share of the points outside the robust bounds, at each end of an axis.  Chosen by hand."""
 _CUT = 3.0
@@ -44,13 +47,15 @@ underestimated."""
 _TEXTURED = 0.25
 """Relative growth of the variance from NEAR to FAR at which a neighbourhood has half weight.  Chosen by hand."""
 _QUANTILE = 0.4
-"""Quantile of the neighbourhoods of a voxel.  Chosen by hand; below the median, so that texture biases it less."""
+"""Quantile of the neighbourhoods of a voxel: below the median, so that texture biases it less.  0.3 and 0.5 change the noise of
+the same scans by -13 to -7 % and 5 to 16 %."""
 _PRIOR = 3.0
 """Weight, in neighbourhoods, of the coarser voxel's value in a voxel's estimate.  Chosen by hand."""
 _CURVE_PRIOR = 30.0
-"""Weight, in neighbourhoods, of the value 1 in the curve's estimate.  Chosen by hand."""
+"""Weight, in neighbourhoods, of the value 1 in the curve's estimate.  Half or twice changes the noise at the points of
+the same scans by at most 2 %."""
 _CURVE_RANGE = (0.25, 4.0)
-"""Limits of the curve.  Chosen by hand."""
+"""Limits of the curve.  0.5 and 2 change the noise at the points of the same scans by at most 0.3 %, 0.125 and 8 do not."""
 _CURVE_LEVEL, _BACKFITS = 2, 3
 """The curve is estimated within voxels of a quarter of the scan's longest side (2**-2), in three alternations with the lattice;
 finer voxels would mostly have one brightness each."""

@@ -21,18 +21,23 @@ from .spacing import median_spacing
 BLOCKS = (8192, 2048, 512, 128, 32)
 """Block lengths to choose from, in points of the sample."""
 FINER_GAIN = 1.15
-"""Factor by which each shorter block length must reduce the variance to be chosen.  Chosen by hand."""
+"""Factor by which each shorter block length must reduce the variance to be chosen.  Two real scans with runs of random gain,
+which deviate by 10 %: with 1.3 no runs are found, with 1.08 the error of the gains in one rises from 1.6 to 1.8 %."""
 VOXEL_SPACINGS = 3.0
-"""Side of a voxel in point spacings: its points are at about the same place.  Chosen by hand."""
+"""Side of a voxel in point spacings: its points are at about the same place.  With half the error of the gains of the same
+scans changes by at most 0.1 %, with twice the runs of one are not found."""
 LOG_OFFSET = 8.0
-"""Added to sRGB values before their logarithm, so that noise in dark colours has little influence.  Chosen by hand."""
+"""Added to sRGB values before their logarithm, so that noise in dark colours has little influence.  Half or twice changes the
+error of the gains of the same scans by at most 0.5 %."""
 HUBER_LIMIT = 0.1
 """Difference of log values beyond which a point counts as an outlier of its voxel, an edge or a mixed pixel.  Chosen by
 hand."""
 PRIOR_POINTS = 4.0
 """Weight, in points, of the prior that holds a block's gain at 1.  Chosen by hand."""
 SETTLE_ITERATIONS, PREVIEW_ITERATIONS, ITERATIONS = 3, 5, 10
-"""Iterations before gains change, of the preview that chooses a block length, and of the final solution.  Chosen by hand."""
+"""Iterations before gains change (chosen by hand), of the preview that chooses a block length, and of the final solution.  With
+two of the preview the runs of one of the same scans are not found, with ten the result is the same; half or twice of the final
+ones changes the error by at most 0.3 %."""
 PREVIEW_SHARE, PREVIEW_ALL_BELOW, PREVIEW_CELLS = 8, 100_000, 64
 """The preview uses one region in PREVIEW_SHARE, with PREVIEW_CELLS regions along the longest side; samples of fewer than
 PREVIEW_ALL_BELOW points are used completely."""

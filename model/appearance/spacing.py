@@ -7,7 +7,7 @@ points hardly change.  In the units of the points.
 import numpy as np
 
 NEIGHBOURS = 8
-"""Number of the neighbour whose distance is measured.  Chosen by hand."""
+"""Number of the neighbour whose distance is measured: among points spread at random it deviates by 1 / (2 sqrt(8)), 18 %."""
 
 
 def median_spacing(xyz: np.ndarray, *, samples: int = 4096, seed: int = 0) -> float:

@@ -19,8 +19,8 @@ from ..network.unet import LUMA
 from .surfaces.lettering import lettering
 
 GRAIN_SHARE = 0.12
-"""Share of the crops (here and below: of those without a neighbouring camera) with a fine texture.  All shares and ranges below
-were chosen by hand."""
+"""Share of the crops (here and below: of those without a neighbouring camera) with a fine texture.  All shares and ranges
+below are those of the shipped weights' training (assets/weights/README.md)."""
 LETTERING_SHARE = 0.2
 """Share of the crops with lettering."""
 SPECKLE_SHARE = 0.2

@@ -42,7 +42,8 @@ from .surfaces.painting import Painting, make_painting, paint_picture, painted
 from .surfaces.projected import Projected, project_scan, raster_of, scan_spacing, seen_noise
 
 MATCHED_SHARE = 0.7
-"""Share of the scans with exposure compensation, as the viewer applies it.  This and the shares below were chosen by hand."""
+"""Share of the scans with exposure compensation, as the viewer applies it.  This and the values below are
+those of the shipped weights' training (assets/weights/README.md)."""
 PLACED_SHARE = 0.7
 """Share of the scans with known scanner positions that use them; many LAS and PLY files have none."""
 DIFFUSE_SHARE = 0.5
@@ -50,15 +51,15 @@ DIFFUSE_SHARE = 0.5
 PAINTED_SHARE = 0.6
 """Share of painted pairs, where textures are given.  A painting covers about half of a place."""
 POINT_FOOTPRINT = 0.5
-"""Footprint of a laser beam over which a texture is averaged, in point spacings.  Chosen by hand."""
+"""Footprint of a laser beam over which a texture is averaged, in point spacings."""
 NEIGHBOUR_SHIFT = 0.012
-"""Standard deviation of a neighbouring camera's shift along each axis, as a share of the median depth.  Chosen by hand."""
+"""Standard deviation of a neighbouring camera's shift along each axis, as a share of the median depth."""
 NEIGHBOUR_TURN = 0.5
-"""Standard deviation of its rotation about each axis, degrees.  Chosen by hand."""
+"""Standard deviation of its rotation about each axis, degrees."""
 MAX_FLOW = 24.0
-"""Largest optical flow, pixels, that is compared.  Chosen by hand."""
+"""Largest optical flow, pixels, that is compared."""
 BEHIND = 1.02
-"""Depth, relative to the front surface, beyond which a pixel counts as occluded in the neighbour.  Chosen by hand."""
+"""Depth, relative to the front surface, beyond which a pixel counts as occluded in the neighbour."""
 
 
 @dataclass(frozen=True)

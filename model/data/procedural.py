@@ -21,9 +21,10 @@ from .dataset import MemoryPicture, MergedScan, TruePicture
 
 KINDS = ("room", "street", "thing")
 CLEAR = 0.35
-"""Free distance around a camera or scanner, metres.  Chosen by hand."""
+"""Free distance around a camera or scanner, metres.  This and the share below are those of the shipped weights' training
+(assets/weights/README.md)."""
 PASSER_SHARE = 0.25
-"""Share of the stations in rooms and streets with people passing by.  Chosen by hand."""
+"""Share of the stations in rooms and streets with people passing by."""
 _PICTURES = 256
 """Cached pictures, of 3.4 MB each: those of 32 places."""
 _SCANS = 3

@@ -154,14 +154,15 @@ def room_view_points(view: RoomView) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 EDGE = 0.03
-"""Second difference of inverse depth, relative to it, that marks a depth discontinuity.  Chosen by hand."""
+"""Second difference of inverse depth, relative to it, that marks a depth discontinuity.  This and the values
+below are those of the shipped weights' training (assets/weights/README.md)."""
 MIXED_RANGE = 0.08
-"""Largest relative error of the range of a mixed pixel.  Chosen by hand."""
+"""Largest relative error of the range of a mixed pixel."""
 
 
 @dataclass(frozen=True)
 class ScanModel:
-    """Errors of a scan that is made from the stations.  The defaults were chosen by hand.
+    """Errors of a scan that is made from the stations.
 
     exposure: largest deviation of a station's gain from 1; the stations' mean gain is 1, because the network could not know the
     true brightness otherwise.  white_balance: the same for single channels.  range_noise: standard deviation, metres, plus
@@ -181,9 +182,9 @@ class ScanModel:
 
 
 WIDE_SHARE = 0.25
-"""Share of the scans with the exposures of WIDE.  Chosen by hand."""
+"""Share of the scans with the exposures of WIDE."""
 INSTRUMENT_SHARE = 0.3
-"""Share of the scans sampled like an instrument's.  Chosen by hand."""
+"""Share of the scans sampled like an instrument's."""
 WIDE = ScanModel(exposure=0.35, white_balance=0.05)
 """Widely different exposures: in some merged scans stations are half as bright again as others (measured on studio.laz)."""
 

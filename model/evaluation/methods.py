@@ -36,7 +36,7 @@ TRUE, OURS = "true visibility", "our filter"
 WEIGHTED = f"pull-push, {OURS}, view-dependent blending"
 """Name of the method whose picture is the input of the viewer's networks."""
 TIMES = 3
-"""Runs per duration, whose median is taken, after one run to warm up.  Chosen by hand."""
+"""Runs per duration, whose median is taken, after one run to warm up: the fewest whose median leaves out one outlier."""
 
 
 def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:

@@ -34,7 +34,7 @@ from .blend_rows import (
 from .unet import BLENDS, CONTRAST_AT, INPUT_CHANNELS, MEAN_BLOCK
 
 _LEAST_ROWS = 32
-"""Fewest rows of a thread: 2**BLENDS - 1 = 15 rows above and below them are blurred as well.  Chosen by hand."""
+"""Fewest rows of a thread: 2**BLENDS - 1 = 15 rows above and below them are blurred as well, less than as many again."""
 
 
 @compiled(nogil=True)

@@ -11,8 +11,8 @@ CLOSED = 6
 BACKGROUND = 7
 """Channel: share of the pixel that is background, 0..1."""
 DEPTH_FEATURE_SCALE = 0.25
-"""Depth feature units in a doubling of depth (model.reference.projection.depth_feature).  Chosen by hand; the weights depend on
-it."""
+"""Depth feature units in a doubling of depth (model.reference.projection.depth_feature), as the shipped weights were trained:
+they depend on it."""
 DEPTH_FEATURE_LIMIT = 2.0
 """The depth feature is clipped to plus and minus this: 8 doublings of depth at DEPTH_FEATURE_SCALE."""
 NOISE_SCALE = 20.0

@@ -57,7 +57,8 @@ def local_light(made: Tensor, true: Tensor, weight: Tensor) -> Tensor:
 
 
 EXCESS_SIDES = (2, 4, 16)
-"""Pixels a side of the squares of :func:`excess_error`: from fine edges to patches of a wall. Chosen by hand."""
+"""Pixels a side of the squares of :func:`excess_error`: from fine edges to patches of a wall, as the shipped
+weights were trained (assets/weights/README.md)."""
 
 
 def excess_error(made: Tensor, filled: Tensor, true: Tensor, weight: Tensor) -> Tensor:

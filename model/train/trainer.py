@@ -47,11 +47,11 @@ the same."""
 CROPS = 4
 """Version of the drawing of crops; increased when the same seed draws different crops."""
 WEIGHT_DECAY = 1e-4
-"""AdamW's weight decay.  Chosen by hand."""
+"""AdamW's weight decay.  This and the two below are those of the shipped weights' training (assets/weights/README.md)."""
 MAX_GRADIENT = 1.0
-"""Norm at which gradients are clipped.  Chosen by hand."""
+"""Norm at which gradients are clipped."""
 LAST_RATE = 0.02
-"""Share of the learning rate at the end of the cosine.  Chosen by hand."""
+"""Share of the learning rate at the end of the cosine."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from .errors import InputError
 
 T = TypeVar("T")
 _MOST = 16 << 20
-"""Bytes; what is remembered has thousands.  Chosen by hand."""
+"""Bytes: over a thousand times what is remembered, which has thousands."""
 UNREADABLE = ".unreadable"
 _log = logging.getLogger(__name__)
 

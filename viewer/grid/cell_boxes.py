@@ -8,7 +8,7 @@ import numpy as np
 
 SHARE_BITS = 4
 SHARES = 1 << SHARE_BITS
-"""Parts of a cell's side; chosen by hand: three axes of marks fit 64 bits."""
+"""Parts of a cell's side: the largest power of two of which the marks of three axes fit 64 bits."""
 WHOLE = np.array([0, 0, 0, SHARES - 1, SHARES - 1, SHARES - 1], np.uint8)
 """The box of a cell about which nothing is known."""
 

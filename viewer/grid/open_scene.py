@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _DIFFER, _UNTOLD = "the files differ in their ", "not all of the files tell their "
-_IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file; chosen by hand
+_IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file
 
 
 def open_scene(

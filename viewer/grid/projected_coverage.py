@@ -18,9 +18,9 @@ SQUARES = 64
 """Squares of a face, the bits of a uint64."""
 UNKNOWN = 255
 """In place of the coverage of a cell with too few points."""
-LEAST, ENOUGH = 256, 512
-"""Points of a cell from which its coverage is known, and points that are examined at most, those of coarse layers first; chosen
-by hand: 4 and 8 per square."""
+LEAST, ENOUGH = 4 * SQUARES, 8 * SQUARES
+"""Points of a cell from which its coverage is known, and points that are examined at most, those of coarse layers first: of the
+squares of a closed surface 1.8 % and 0.03 % then remain empty by chance (exp(-4), exp(-8))."""
 
 
 @compiled(nogil=True, inline="always")

@@ -14,8 +14,8 @@ from ..common.errors import InputError
 _FLIP = np.diag([1.0, -1.0, -1.0])  # OpenGL camera axes -> view axes (y down, z forward)
 MAX_SIDE = 16384
 FOCAL_LENGTHS = (1e-12, 1e12)
-"""The least and the most, in sides of the picture; chosen by hand.  Long before, float32 no longer resolves neighbouring
-directions; beyond, numbers overflow."""
+"""The least and the most, in sides of the picture.  Long before, float32 no longer resolves neighbouring directions; beyond,
+numbers overflow."""
 _OFF_CENTRE = 1e9
 """How many sides the principal point may lie off the picture."""
 _FARTHEST = 1e20

@@ -16,7 +16,7 @@ from .scan_description import ExposureSummary, RunSummary
 from .valid_positions import is_position
 
 SAMPLE = 1_000_000
-"""Points kept, up to twice as many (80 MB); chosen by hand."""
+"""Points kept, up to twice as many: 80 MB."""
 MOST_STATIONS = 256
 """Stations whose gains are solved for at most; chosen by hand."""
 LEAST_CHANGE = 0.004

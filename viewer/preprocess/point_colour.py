@@ -19,11 +19,12 @@ from .exposure_compensation import MOST_STATIONS, ExposureCompensation
 from .scan_description import ColourSummary, ExposureSummary, RunSummary
 
 _RAMP = np.array(RAMPS["viridis"], np.float64)
-_EVERY = 16  # one of so many points is examined for black; chosen by hand
+_EVERY = 16  # one of so many points is examined for black: 65,000 of a chunk tell a share of 1 % within 0.04 (standard error)
 _DARK_LEVEL = 4  # 8-bit levels 1 to 4 are compared with black; chosen by hand
 _LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
 """Black is treated as missing colour in a file where it has at least this share of the points, and so many times the points of
-each of the next levels; chosen by hand."""
+each of the next levels.  Six scans: 14 % and 310 times in the one whose shadows have no colour, at most 0.08 % and 0.1 times in
+the others."""
 
 
 @dataclass

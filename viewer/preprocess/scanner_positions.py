@@ -18,7 +18,7 @@ from .scan_table import ScanTable, stated_scans
 from .valid_positions import is_position
 
 MOST_STRETCHES = 2048
-"""Stretches kept of a file, up to twice as many (50 MB); chosen by hand."""
+"""Stretches kept of a file, up to twice as many: 50 MB."""
 
 
 class StationInference:

@@ -3,8 +3,8 @@
 import numpy as np
 
 FARTHEST = 1e20
-"""File units from zero beyond which a number is not a position; chosen by hand between a light year, 1e16 m, and the end of
-32-bit floats, 3e38."""
+"""File units from zero beyond which a number is not a position: far more than a light year, 1e16 m, and far less than the
+end of 32-bit floats, 3e38."""
 
 
 def is_position(xyz: np.ndarray) -> np.ndarray:

@@ -24,7 +24,8 @@ ALL = "xyzrgbics"
 _NAMES = {"i": "intensity", "c": "classification", "s": "point_source_id"}
 """Names in ``Records`` of columns that have one letter here."""
 RANGE_RUNS = 64
-"""Runs of a sample whose values give the range of its colours and intensities; chosen by hand: 65,000 points."""
+"""Runs of a sample whose values give the range of its colours and intensities.  Of further
+values a share of 2 / (n + 1) lies outside the range of n independent ones: 3 % if each run has one value throughout."""
 
 
 class ColumnSource(Source):

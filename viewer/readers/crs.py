@@ -27,7 +27,7 @@ _EPSG = re.compile(r"\s*(?:EPSG\s*:{1,2}\s*)?(\d{1,6}(?:\+\d{1,6})?)\s*", re.IGN
 _USER_DEFINED = 32767  # in GeoTIFF, instead of an EPSG code
 MOST_SHOWN = 50
 """Systems that a search returns at most; a narrower search finds the others."""
-_LONGEST_NAME = 80  # characters of a name that are shown; chosen by hand
+_LONGEST_NAME = 80  # characters of a name that are shown: a line of a terminal
 
 _SAME_UNIT = 1e-7  # relative; feet of two kinds differ by 2e-6
 

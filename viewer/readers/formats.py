@@ -58,7 +58,7 @@ _ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)", re.DOTALL)  # of one 
 _GDAL_ADDRESS = re.compile(r"/vsi\w+/")
 _DESCRIBING = (".js", ".json")  # suffixes of files that describe a folder
 _MOST_DESCRIBING, _DESCRIPTION_BYTES = 20, 1 << 16
-"""Files of a folder that are looked at, and bytes of each, to find the one that describes it; chosen by hand."""
+"""Files of a folder that are looked at, and bytes of each, to find the one that describes it: 1.3 MB at most."""
 _KEYS = {"octree.potree1": (b"octreeDir", b"boundingBox"), "octree.potree2": (b"hierarchy", b"encoding"),
          "octree.ept": (b"schema", b"dataType")}
 """JSON keys by which the file that describes a folder is recognised, by module of its reader."""

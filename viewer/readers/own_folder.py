@@ -11,11 +11,15 @@ from ..common.errors import InputError
 from ..common.file_names import leads_elsewhere
 
 MOST_RATIO = 1000
-"""Times its size to which compressed data may unpack; constant columns of real points reach a few hundred.  Chosen by hand."""
+"""Times its size to which compressed data may unpack: several times what constant columns of real points reach, a
+few hundred."""
+MOST_UNPACKED = 256 << 20
+"""Bytes that are unpacked or parsed at once, at most: over fifty times the few megabytes of the largest real pieces known, the
+nodes of PotreeConverter 2."""
 _LONGEST_NAME = 255
 """Characters of a name; file systems allow no longer one."""
-_LEAST = 1 << 20
-"""Bytes to which anything may unpack; chosen by hand."""
+LEAST_UNPACKED = 1 << 20
+"""Bytes to which anything may unpack: far less than the coordinates of one chunk take (24 MB), so that no memory is at risk."""
 
 
 def own_path(folder: Path, name: str) -> Path:
@@ -45,4 +49,4 @@ def refuse_link_out(folder: Path, file: Path) -> None:
 
 def may_unpack(packed: int, unpacked: int) -> bool:
     """Whether ``packed`` bytes may hold ``unpacked``."""
-    return unpacked <= max(_LEAST, packed * MOST_RATIO)
+    return unpacked <= max(LEAST_UNPACKED, packed * MOST_RATIO)

@@ -14,7 +14,9 @@ import numpy as np
 from ..common.errors import InputError
 
 CHUNK = 1 << 20
-"""Points of the largest chunk; chosen by hand: 24 MB of coordinates."""
+"""Points of the largest chunk: 24 MB of coordinates, as float64."""
+LONGEST_HEADER_LINE = 8192
+"""Bytes of a line of a header in text (PLY, PCD): the line FIELDS of a PCD file may name a thousand fields of seven letters."""
 
 
 AS_STORED = (0.0, 65535.0)

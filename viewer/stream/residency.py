@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from ..grid.scene import Scene
 
 OVERVIEW = 1 << 22
-"""Points of the coarse layers that stay in the pool, as far as they fit; chosen by hand: two per pixel of a 1920x1080
-picture."""
+"""Points of the coarse layers that stay in the pool, as far as they fit: two per pixel of a 1920x1080 picture, 50 MB."""
 PINNED_SHARE = 8  # one slot in so many is pinned at most; chosen by hand
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
 

@@ -11,7 +11,7 @@ import platform
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """Parameters of mallopt(3)."""
 _MAX_KEPT = 1 << 30
-"""Bytes of the largest array whose memory is kept.  Chosen by hand, above any array of a picture."""
+"""Bytes of the largest array whose memory is kept: more than any array of a picture."""
 _MAX_KEPT_OLD = 32 << 20
 """The largest value that older versions of glibc accept (DEFAULT_MMAP_THRESHOLD_MAX on 64 bits)."""
 

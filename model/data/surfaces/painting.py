@@ -29,22 +29,23 @@ SHEET_FIRST, SHEET_ACROSS, SHEET_DOWN, SHEET_COLUMNS, SHEET_TRIM = 16, 144, 176,
 """Layout of ambientCG's thumbnail sheets, pixels (data/textures/README.md): first cell, cell width and height, columns, and
 border to trim."""
 MAX_WHITE = 0.5
-"""Share of nearly white pixels above which a cell of a sheet is empty.  Chosen by hand."""
+"""Share of nearly white pixels above which a cell of a sheet is empty.  This and the values below are those of the
+shipped weights' training (assets/weights/README.md)."""
 REGIONS = (8, 20)
-"""Number of painted spheres of a place: minimum, and exclusive maximum.  Chosen by hand."""
+"""Number of painted spheres of a place: minimum, and exclusive maximum."""
 RADIUS = (0.25, 1.0)
 """Radius of a sphere as a share of the place's extent (median distance of its points from their centre): chosen so that about
 half of the place is painted."""
 TILE = (0.15, 4.0)
 """Side of a texture, metres: from texels of about a millimetre, a typical point spacing, to features of a metre."""
 CONTRAST = (0.12, 1.2)
-"""Exponent of the texture's gain, from faint to full.  Chosen by hand."""
+"""Exponent of the texture's gain, from faint to full."""
 BRIGHTEST = 1.8
-"""Largest gain of a texel.  Chosen by hand."""
+"""Largest gain of a texel."""
 SUBSAMPLES = 3
-"""Samples along a side of a pixel of a true view.  Chosen by hand."""
+"""Samples along a side of a pixel of a true view."""
 EDGE = 0.05
-"""Relative change of inverse depth between neighbouring pixels beyond which they are different surfaces.  Chosen by hand."""
+"""Relative change of inverse depth between neighbouring pixels beyond which they are different surfaces."""
 
 
 @lru_cache(maxsize=1)

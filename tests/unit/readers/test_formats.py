@@ -164,7 +164,7 @@ def test_text_with_other_line_ends_empty_fields_marks_and_names(tmp_path):
 
 @pytest.mark.parametrize("block", [1 << 10, 1 << 24])
 def test_the_size_of_blocks_of_text_does_not_change_the_result(tmp_path, monkeypatch, block):
-    monkeypatch.setattr("pointglass.viewer.readers.text.text_rows._BLOCK", block)
+    monkeypatch.setattr("pointglass.viewer.readers.text.text_rows.TextRows.__init__.__defaults__", (0, block))
     monkeypatch.setattr("pointglass.viewer.readers.text.xyz.ROWS", 57)
     points = some()
     path = tmp_path / "a.xyz"

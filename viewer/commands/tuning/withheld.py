@@ -34,8 +34,8 @@ MOST_POINTS = 8_000_000
 """Largest number of points used: a view of 640x480 does not show more, and each point is projected into each picture."""
 PICTURES = 75
 """Number of training pictures, split evenly between the viewpoints.  Chosen by hand."""
-LEAST_DENSITY = 0.25
-"""Least share of the points in every other training picture; the rest of the pictures use all points.  Chosen by hand."""
+LEAST_DENSITY = min(DENSITIES)
+"""Least share of the points in every other training picture, that of the evaluation; the other pictures use all points."""
 LEAST_SEEN = 500
 """Least number of visible withheld points for a view to be used.  Chosen by hand."""
 

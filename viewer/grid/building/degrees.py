@@ -12,15 +12,16 @@ import numpy as np
 from ...readers.source import Source
 
 _FAR, _STEEP = 50.0, 100.0
-"""Distance from zero and extent of heights, in extents of x or y, from which both together mean degrees.  Chosen by hand: a
-flat site of 100 m in degrees has 10,000 and 500, an upright pole of 0.1 m and 9 m in metres 90 for the heights."""
+"""Distance from zero and extent of heights, in extents of x or y, from which both together mean degrees.  The
+limits are below those of a flat site of 100 m in degrees, 10,000 and 500; an upright pole of 0.1 m and 9 m in metres has 90 for
+the heights."""
 _IMPOSSIBLE = 1000.0
 """Extent of heights in extents of x or y that no scan in metres has: an object of 1 cm would be 10 m high."""
 _FLATTEST = 1.0
 """Extent of heights in degrees of extent below which no area is that flat: 1 m in 111 km.  Points are not looked at."""
 _SLOPE = 200.0
-"""Median rise between neighbours in a file from which x and y are degrees.  Chosen by hand: 2 cm of roughness from point to
-point 10 m apart has 220; a mast of which a scanner with 1 mm of noise took a point each 50 mm has 50."""
+"""Median rise between neighbours in a file from which x and y are degrees: between the 220 of 2 cm of roughness from point to
+point 10 m apart, and the 50 of a mast of which a scanner with 1 mm of noise took a point each 50 mm."""
 _SAMPLE, _RUN = 8192, 64
 """Points of a sample, and of its runs."""
 

@@ -17,10 +17,10 @@ SLICES = 2
 """Tables, each filled by its own thread.  Fixed, not the number of processors, so that every machine builds the same grid: when
 a table is full and its cells are merged depends on its own points only."""
 MAX_CELLS = 1 << 18
-"""Cells of a table, at most (50 MB with counts); chosen by hand."""
+"""Cells of a table, at most: 50 MB with counts."""
 _POINTS_PER_CELL, _LEAST_LIMIT = 1024, 8192  # points wanted per cell of the first sizes, cells wanted at least; chosen by hand
 _REACH = 1 << 30  # cells on either side of the median of the scan: within int32, with a factor of two to spare
-_DENSE = 1 << 24  # cells of a box that is looked up in a dense table (64 MB) instead of a hash table; chosen by hand
+_DENSE = 1 << 24  # cells of a box that is looked up in a dense table (64 MB) instead of a hash table
 _LOST = 0.01  # share of a chunk out of reach above which it belongs to the scan and is not outlier points; chosen by hand
 
 

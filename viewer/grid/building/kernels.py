@@ -22,7 +22,8 @@ _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
 _ROWS = 64
-"""Points whose cells and packed positions are computed at a time; chosen by hand."""
+"""Points whose cells and packed positions are computed at a time: the arrays for them take 8 KB, so that they stay in the
+first-level cache."""
 _SIDE_BIT = 4
 """The bit of a bucket's number that selects which of two threads places its points.  Not the lowest: the counters of
 neighbouring buckets share a cache line (false sharing), and two threads that write to it are slower together than one alone."""

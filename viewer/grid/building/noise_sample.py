@@ -19,7 +19,7 @@ each: neighbours on successive lines of one station are up to 26,000 of 3.2 mill
 11.6 million in plant_room.laz; those of two stations at least 50,000 and 90,000."""
 ORDERED = 0.05
 """Median gap in the file order between points of a neighbourhood, as a share of that in a shuffled file, below which the file
-is ordered; chosen by hand."""
+is ordered: five real files have 0.0005 to 0.0035, one that an octree reordered (COPC) 0.19."""
 _LEAST_POINTS = 12  # points of a neighbourhood that is used to decide whether a file is ordered; chosen by hand
 
 

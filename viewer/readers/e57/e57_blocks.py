@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .e57_source import E57Source
 
 BLOCK = 1 << 16
-"""Records of a block; chosen by hand: decoded in some 10 ms."""
+"""Records of a block: those of pumpA.e57 are decoded in about 20 ms of CPU time, with all their fields."""
 
 
 def e57_blocks(source: "E57Source", vectors: list[ElementTree.Element | None],

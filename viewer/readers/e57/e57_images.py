@@ -21,11 +21,11 @@ from ..formats import check_file
 from .e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
 
 MOST_PIXELS = 1 << 28
-"""Pixels of a stored picture; larger ones are refused before decoding; chosen by hand: 800 MB as RGB."""
+"""Pixels of a stored picture; larger ones are refused before decoding: 800 MB as RGB."""
 _LEAST_MOST, _PIXELS_A_BYTE = 1 << 26, 8
-"""Pixels that any picture may have, and further ones for each of its bytes: real photographs have 1 to 5, an empty picture a
-thousand.  Chosen by hand."""
-_LEAST_SPAN = 1e-3  # radians that a panorama spans at least: a millimetre at a distance of a metre; chosen by hand
+"""Pixels that any picture may have (200 MB as RGB), and further ones for each of its bytes: real photographs have 1 to 5, an
+empty picture a thousand."""
+_LEAST_SPAN = 1e-3  # radians that a panorama spans at least: a millimetre at a distance of a metre
 FACES = {
     "front": ((1, 0, 0), (0, 0, 1)), "left": ((0, 1, 0), (0, 0, 1)), "back": ((-1, 0, 0), (0, 0, 1)),
     "right": ((0, -1, 0), (0, 0, 1)), "up": ((0, 0, 1), (-1, 0, 0)), "down": ((0, 0, -1), (1, 0, 0)),

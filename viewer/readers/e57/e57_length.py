@@ -16,7 +16,6 @@ from .e57_packets import PAGE, PAGE_DATA
 _HEADER = struct.Struct("<8sII4Q")  # signature, version, physical length, place and length of the XML, bytes of a page
 _LENGTH_AT = 16
 _CHECKSUM = 4
-_COPIED = 1 << 24  # bytes at a time; chosen by hand
 
 
 def length_warning(path: Path) -> str | None:
@@ -67,7 +66,7 @@ def _copy(path: Path, _time: int, size: int, target: int) -> BinaryIO:
     """The repaired copy, opened; it has no name."""
 
     def fill(file: BinaryIO, copy: BinaryIO) -> None:
-        shutil.copyfileobj(file, copy, _COPIED)
+        shutil.copyfileobj(file, copy)
         copy.truncate(min(size, target))
         copy.truncate(target)
         if size < target:

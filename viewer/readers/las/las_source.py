@@ -30,11 +30,11 @@ from .laz_points import ALL, FIELDS, LazPoints
 _BLOCK = 128 << 20
 """Bytes of records that are read at once; a record has 20 to 65,535."""
 _PIECE = 1 << 16
-"""Points that are decoded at a time where one column is wanted; chosen by hand: a chunk of LAZ."""
+"""Points that are decoded at a time where one column is wanted: a chunk of LAZ has 50,000 where nothing else is stated."""
 _OF_CHUNK = ("xyz", "rgb", "intensity", "classification", "point_source_id")
 """What a chunk of points consists of."""
 _MOST_DECODED = 1_000_000
-"""Points decoded for a sample of a file with few chunks; chosen by hand."""
+"""Points decoded for a sample of a file with few chunks: about a second on one core."""
 
 
 class LasSource(Source):

@@ -31,7 +31,7 @@ FIELDS = {"xyz": 1, "classification": 2, "intensity": 8, "scan_angle": 16, "user
 that it uses, 9.2 s with all."""
 _PIPE = 1 << 20  # bytes that a process may write before they are read
 _SOON = 50_000  # points that are decoded in the time that a process takes to start, at a million a second
-_MOST_CHUNKS = 4096  # of a request, so that it stays short; chosen by hand
+_MOST_CHUNKS = 4096  # of a request, so that it stays short: three numbers a chunk, about 120 KB of JSON
 
 _FAULTS = (*(-getattr(signal, name, 0) for name in ("SIGSEGV", "SIGBUS")), 0xC0000005, 0xC00000FD)
 """Exit codes of a process that read beyond its tables or filled its stack; the last two are those of Windows."""

@@ -15,15 +15,16 @@ import numpy as np
 
 from ...common.errors import InputError
 from ..column_source import Columns
-from ..own_folder import may_unpack, own_path, refuse_link_out
+from ..own_folder import MOST_UNPACKED, may_unpack, own_path, refuse_link_out
 from ..scaled_values import scaled
 from .octree_source import TYPES, OctreeSource, as_object, columns_of, named, pieces, read_json, vector, whole
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
 _ELSEWHERE = -1  # in place of a number of points: another file of the hierarchy describes the node
-_LARGEST = 256 << 20  # bytes of a part of the hierarchy, unpacked; chosen by hand
-_LEAST_LARGE, _GZIP = 16 << 20, 50  # bytes that any part may unpack to, and times its size for others; chosen by hand
+_LEAST_LARGE, _GZIP = 16 << 20, 50
+"""Bytes that any part of the hierarchy may unpack to, and times its size for larger ones: over ten times what gzip does to the
+names and counts of 42,000 random nodes (2.9, and 4.3 where all counts are equal)."""
 _COLUMNS = {"x": "X", "y": "Y", "z": "Z", "r": "Red", "g": "Green", "b": "Blue", "i": "Intensity", "c": "Classification",
             "s": "PointSourceId"}  # fmt: skip
 _KINDS = {"signed": "i", "unsigned": "u", "float": "f", "floating": "f"}
@@ -109,7 +110,7 @@ class EptSource(OctreeSource):
 
     def _unzipped(self, path: Path) -> dict:
         try:
-            most = min(_LARGEST, max(_LEAST_LARGE, path.stat().st_size * _GZIP))
+            most = min(MOST_UNPACKED, max(_LEAST_LARGE, path.stat().st_size * _GZIP))
             with gzip.open(path) as file:
                 data = file.read(most + 1)
         except (EOFError, zlib.error, gzip.BadGzipFile):

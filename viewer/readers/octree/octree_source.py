@@ -13,13 +13,15 @@ import numpy as np
 from ...common.errors import InputError
 from .. import crs
 from ..column_source import Columns, ColumnSource
+from ..own_folder import MOST_UNPACKED
 from ..sampling import sampled_nodes
 from ..source import CHUNK, Chunk, Records, ScanInfo
 
-_LARGEST_JSON = 256 << 20  # bytes of a JSON file; chosen by hand: real ones are far smaller
 PIECE = 64 << 20
 """Bytes of records that are read at once; a point may have thousands."""
-_BATCH = 1 << 18  # points of small nodes that are gathered to a chunk; chosen by hand
+MOST_ELEMENTS = 64
+"""Elements of an attribute: sixteen times the four of RGBA, the most that the formats define."""
+_BATCH = 1 << 18  # points of small nodes that are gathered to a chunk: 6 MB of coordinates
 TYPES = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
          "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}  # fmt: skip
 
@@ -113,7 +115,7 @@ def _joined(parts: list[Columns]) -> Columns:
 def read_json(path: Path) -> dict[str, Any]:
     """The object in a JSON file.  Raises InputError where the file does not hold one."""
     try:
-        if path.stat().st_size > _LARGEST_JSON:
+        if path.stat().st_size > MOST_UNPACKED:
             what = f"{path.stat().st_size:,} bytes are too many for the description of a scan"
             raise InputError(f"damaged: {what}", file=path, remedy="copy or convert the scan again")
         return as_object(path, path.read_bytes())

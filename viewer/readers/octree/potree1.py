@@ -18,7 +18,7 @@ from ..column_source import Columns
 from ..own_folder import own_path, refuse_link_out
 from ..scaled_values import scaled
 from ..source import CHUNK
-from .octree_source import TYPES, OctreeSource, columns_of, named, read_json, vector, whole
+from .octree_source import MOST_ELEMENTS, TYPES, OctreeSource, columns_of, named, read_json, vector, whole
 
 _NODE_FILE = re.compile(r"(r[0-7]*)\.(bin|las|laz|hrc)", re.IGNORECASE)
 _HIERARCHY = np.dtype([("children", "u1"), ("points", "<u4")])
@@ -26,7 +26,6 @@ _SIZES = {"POSITION_CARTESIAN": ("i4", 3), "COLOR_PACKED": ("u1", 4), "RGBA_PACK
           "RGBA": ("u1", 4), "RGB": ("u1", 3), "INTENSITY": ("u2", 1), "CLASSIFICATION": ("u1", 1), "NORMAL_FLOATS": ("f4", 3),
           "NORMAL": ("f4", 3), "NORMAL_SPHEREMAPPED": ("u1", 2), "NORMAL_OCT16": ("u1", 2), "FILLER_1B": ("u1", 1)}  # fmt: skip
 """Type and elements of the attributes that older versions give by name only."""
-_MOST_ELEMENTS = 64  # of an attribute; chosen by hand
 _LEAST_LAS_RECORD = 20
 """Bytes of a point in LAS point format 0, the shortest (LAS 1.4 specification, table 7)."""
 _COLOURS, _COLUMNS = ("COLOR_PACKED", "RGBA_PACKED", "RGB_PACKED", "RGBA", "RGB"), {"INTENSITY": "i", "CLASSIFICATION": "c"}
@@ -90,7 +89,7 @@ class Potree1Source(OctreeSource):
                 name, (kind, count) = entry.upper(), _SIZES[entry.upper()]
             elif isinstance(entry, dict) and isinstance(entry.get("name"), str) and str(entry.get("type")) in TYPES:
                 name, kind = entry["name"].upper() or "-", TYPES[entry["type"]]
-                count = whole(entry.get("elements", entry.get("numElements")), _MOST_ELEMENTS) or 0
+                count = whole(entry.get("elements", entry.get("numElements")), MOST_ELEMENTS) or 0
             else:
                 raise self._damaged(f"attribute {len(fields) + 1} is not known, or has no name, type and elements")
             if not count:

@@ -14,21 +14,18 @@ import numpy as np
 
 from ...common.errors import InputError
 from ..column_source import Columns
-from ..own_folder import MOST_RATIO, own_path
+from ..own_folder import LEAST_UNPACKED, MOST_RATIO, MOST_UNPACKED, own_path
 from ..scaled_values import scaled
 from ..source import CHUNK
-from .octree_source import PIECE, TYPES, OctreeSource, read_json, vector, whole
+from .octree_source import MOST_ELEMENTS, PIECE, TYPES, OctreeSource, read_json, vector, whole
 from .octree_source import named as record_name
 
 _NODE = np.dtype([("type", "u1"), ("children", "u1"), ("points", "<u4"), ("place", "<i8"), ("bytes", "<i8")])
 _PROXY = 2
-_MOST_ELEMENTS = 64  # of an attribute; chosen by hand
 _RGB, _POSITION = ("rgb", "rgba"), ("position", "position_cartesian")
 _MORTON_BYTES = {"position": 16, "rgb": 8}  # per point, of attributes with interleaved bits
 _COLUMNS = {"intensity": "i", "classification": "c", "point source id": "s"}
-_MOST_NODE = 256 << 20
-"""Bytes of a node's columns, which are unpacked together; chosen by hand: nodes of the converter have a few megabytes."""
-_SLACK = 1024  # bytes by which compressed data may exceed the plain data; chosen by hand: brotli needs 5 in 16 MiB
+_SLACK = 1024  # bytes by which compressed data may exceed the plain data: brotli needs 5 in 16 MiB
 
 
 class Potree2Source(OctreeSource):
@@ -63,7 +60,7 @@ class Potree2Source(OctreeSource):
         for entry in stated if isinstance(stated, list) else []:
             name = entry.get("name") if isinstance(entry, dict) else None
             kind = TYPES.get(str(entry.get("type"))) if isinstance(entry, dict) else None
-            count = whole(entry.get("numElements"), _MOST_ELEMENTS) if isinstance(entry, dict) else None
+            count = whole(entry.get("numElements"), MOST_ELEMENTS) if isinstance(entry, dict) else None
             if not isinstance(name, str) or kind is None or not count:
                 raise self._damaged(f"attribute {len(found) + 1} has no name, known type and number of elements")
             name = name.lower()
@@ -109,7 +106,7 @@ class Potree2Source(OctreeSource):
         if self._encoding == "BROTLI":
             stored = nodes["points"].astype(np.int64) * sum(width for _, width in self._widths())
             wrong = nodes["bytes"] > stored + stored // 64 + _SLACK
-            wrong |= (stored > _MOST_NODE) | (stored > np.maximum(1 << 20, nodes["bytes"] * MOST_RATIO))
+            wrong |= (stored > MOST_UNPACKED) | (stored > np.maximum(LEAST_UNPACKED, nodes["bytes"] * MOST_RATIO))
         else:
             wrong = nodes["bytes"] != lengths
         if wrong.any():

@@ -13,6 +13,7 @@ import numpy as np
 from ...common.errors import InputError
 from ...common.text import counted
 from ..column_source import ALL, Columns, ColumnSource
+from ..own_folder import MOST_UNPACKED
 from ..record_blocks import RecordBlocks, even_blocks
 from ..sampling import run_starts
 from ..source import CHUNK, Records, surplus_warning
@@ -28,8 +29,6 @@ _CLASSES = ("classification", "class", "label")
 _BLOCK = 64 << 20
 """Bytes of a binary file that are read at once; a point may have thousands of values."""
 _MOST_NAMED = 5  # fields that a warning names
-_MOST_SAMPLED = 256 << 20
-"""Bytes of columns that a sample decompresses at once; chosen by hand: half a second, less than the memory of a preview."""
 
 
 class PcdSource(ColumnSource):
@@ -132,7 +131,7 @@ class PcdSource(ColumnSource):
 
     def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]] | None:
         form, size = self._header.data, self._header.points * self._header.dtype.itemsize
-        if form == "binary_compressed" and size > _MOST_SAMPLED:
+        if form == "binary_compressed" and size > MOST_UNPACKED:  # a sample decompresses it at once
             return None
         return self._sampled_rows(form, wanted, points, run)
 

@@ -6,6 +6,7 @@ from typing import BinaryIO
 
 from ...common.errors import InputError
 from ...common.text import whole_number
+from ..source import LONGEST_HEADER_LINE
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "long": "i8", "ulong": "u8",
@@ -13,7 +14,7 @@ TYPES = {
     "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MOST_LINES, _LONGEST_LINE = 10_000, 8192  # of a header, in lines and bytes; chosen by hand
+_MOST_LINES = 10_000  # of a header: over a hundred times those of Gaussian splats, which have 62 properties
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def read_header(path: Path, file: BinaryIO) -> Header:
     elements: list[tuple[str, int, list[Property]]] = []
     comments: list[str] = []
     for number in range(1, _MOST_LINES):
-        line = file.readline(_LONGEST_LINE)
+        line = file.readline(LONGEST_HEADER_LINE)
         if not line.endswith(b"\n"):
             raise InputError(f"truncated in its header (line {number})", file=path, remedy="copy or export it again")
         words = line.decode("latin-1").split()

@@ -8,9 +8,8 @@ import numpy as np
 
 from ...common.errors import InputError
 from ..text.text_numbers import number
+from ..text.text_rows import BLOCK
 from .ply_header import Property
-
-_BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
 
 
 def parsed(rows: list[str], columns: int) -> np.ndarray | None:
@@ -28,9 +27,9 @@ def parsed(rows: list[str], columns: int) -> np.ndarray | None:
 def lines_of(path: Path, file: BinaryIO) -> Iterator[list[str]]:
     """Yields the rest of the file as lists of lines that are not blank."""
     rest = b""
-    while block := file.read(_BLOCK):
+    while block := file.read(BLOCK):
         head, newline, tail = block.rpartition(b"\n")
-        if not newline and len(rest) > _BLOCK:
+        if not newline and len(rest) > BLOCK:
             raise InputError("says it is ascii but holds no lines of text", file=path, remedy="export it again")
         if newline:
             yield [line for line in (rest + head).decode("latin-1").split("\n") if line.strip()]

@@ -18,7 +18,7 @@ from .text_sample import TextRegion, sample_rows
 from .utf16 import open_text, size_of
 from .xyz import XyzSource
 
-_HEAD_BYTES = 1 << 12  # read to see whether there is a count; chosen by hand
+_HEAD_BYTES = 1 << 12  # read to see whether there is a count: ten times the two lines that tell, of up to 200 bytes each
 
 
 def open_pts(path: Path, columns: str | None = None) -> ColumnSource:

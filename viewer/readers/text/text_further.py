@@ -14,7 +14,7 @@ from .text_header import OTHER
 from .text_numbers import number
 
 _NUMBER_SHARE = 0.5
-"""Of the fields of a column in a sample that are not empty, how many must be numbers to read the column.  Chosen by hand."""
+"""Of the fields of a column in a sample that are not empty, how many must be numbers to read the column: the majority."""
 _MOST_NAMED = 8
 """Columns that a sentence names."""
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from ...common.errors import InputError
 from ..sampling import interleaved
-from .text_rows import BLANKS, TextRows, line_feeds
+from .text_rows import BLANKS, LONGEST_LINE, TextRows, line_feeds
 from .utf16 import open_text
 
-_MEASURED_BYTES = 1 << 16  # at the beginning of a region, to learn the length of a row; chosen by hand
 _LINE_END_BYTES = 1 << 12  # read behind a block to complete its last line; rows of scans have up to about 200 bytes
 
 
@@ -54,7 +53,7 @@ def sample_rows(path: Path, regions: list[TextRegion], points: int, run: int, de
 def _row_bytes(file, region: TextRegion) -> int:
     """Mean length of the rows at the beginning of a region."""
     file.seek(region.begin)
-    text = line_feeds(file.read(min(_MEASURED_BYTES, region.end - region.begin)))
+    text = line_feeds(file.read(min(LONGEST_LINE, region.end - region.begin)))
     return max(1, len(text) // max(1, text.count(b"\n")))
 
 

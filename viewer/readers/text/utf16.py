@@ -13,7 +13,7 @@ from ...common.text import bytes_text
 from ..nameless_copy import can_copy, nameless_copy, path_of
 
 _LITTLE, _BIG = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
-_COPIED = 1 << 22  # bytes at a time; chosen by hand
+_COPIED = 1 << 22  # bytes at a time: half or twice changes neither CPU time nor memory of reading 62 MB, beyond the noise
 _MARK = "\ufeff"
 
 

@@ -10,11 +10,9 @@ from ...common.text import counted
 from ..column_source import ALL, Columns, ColumnSource
 from .text_columns import named_columns, recognise
 from .text_further import Further, further_columns
-from .text_rows import ROWS, TextRows
+from .text_rows import LONGEST_LINE, ROWS, TextRows
 from .text_sample import TextRegion, sample_rows
 from .utf16 import open_text, size_of
-
-_HEADER_BLOCK = 1 << 16  # bytes read at a time to pass the lines before the rows; chosen by hand
 
 
 class XyzSource(ColumnSource):
@@ -76,7 +74,7 @@ class XyzSource(ColumnSource):
         if not wanted:
             return
         with open_text(self.path) as file:
-            text = TextRows(self.path, file, block=_HEADER_BLOCK)
+            text = TextRows(self.path, file, block=LONGEST_LINE)
             text.skip_lines(self._layout.headers)
             begin, end = text.position, size_of(file)
         separators = self._layout.delimiter, self._layout.decimal, self._layout.rest

@@ -12,7 +12,7 @@ from ...common.errors import InputError
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _MOST = 16 << 20
-"""Bytes of the longest text; those of pointglass have thousands.  Chosen by hand."""
+"""Bytes of the longest text: over a thousand times those of pointglass, which have thousands."""
 
 
 def png_text(path: Path, keyword: str) -> str | None:
