@@ -45,12 +45,14 @@ _TEXTURE_RATIO = 1.45
 variance at NEAR, for texture whose variogram rises linearly.  A smoother texture adds less at NEAR, and noise is then
 underestimated."""
 _TEXTURED = 0.25
-"""Relative growth of the variance from NEAR to FAR at which a neighbourhood has half weight.  Chosen by hand."""
+"""Relative growth of the variance from NEAR to FAR at which a neighbourhood has half weight.  Half or twice changes
+the noise of the same scans as a whole by at most 10 %, but of a plant room, full of edges, by 25 and 34 %."""
 _QUANTILE = 0.4
 """Quantile of the neighbourhoods of a voxel: below the median, so that texture biases it less.  0.3 and 0.5 change the noise of
 the same scans by -13 to -7 % and 5 to 16 %."""
 _PRIOR = 3.0
-"""Weight, in neighbourhoods, of the coarser voxel's value in a voxel's estimate.  Chosen by hand."""
+"""Weight, in neighbourhoods, of the coarser voxel's value in a voxel's estimate.  Half or twice changes the noise at the
+points of the same scans by at most 8 % (median of a scan)."""
 _CURVE_PRIOR = 30.0
 """Weight, in neighbourhoods, of the value 1 in the curve's estimate.  Half or twice changes the noise at the points of
 the same scans by at most 2 %."""

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 FAR = 1e9
-"""Metres from the origin beyond which a coordinate is invalid.  Chosen by hand, beyond any projected coordinate on Earth."""
+"""Metres from the origin beyond which a coordinate is invalid: 25 times round the Earth, beyond any projected coordinate."""
 MAX_FOCAL = 1e6
 """Pixels beyond which a focal length or another lens parameter is invalid.  Chosen by hand."""
 MIN_CROP = 32

@@ -23,7 +23,7 @@ from .surfaces.projected import Projected
 
 HELD_OUT = 0.1
 """Share of the points that is withheld.  Pictures of the other nine tenths are nearly those of all points, and a view of
-960x720 has thousands of withheld points.  Chosen by hand."""
+960x720 has thousands of withheld points."""
 
 GAP, NEARER = 1.0 / 40.0, 0.03
 """Holes narrower than the share GAP of the picture's width are closed, and points behind such a closed surface by more than the

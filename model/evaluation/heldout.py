@@ -34,7 +34,8 @@ Chosen by hand."""
 MOST_JUDGED = 200_000
 """Largest number of withheld points per view; more do not change the second decimal of any metric (measured)."""
 LEAST_IN_GAPS = 100
-"""Least number of withheld points in gaps for a view to count in the metrics of gaps.  Chosen by hand."""
+"""Least number of withheld points in gaps for a view to count in the metrics of gaps: the RMS of so many errors has a
+standard error of 1 / sqrt(200), 7 %, or 0.6 dB of PSNR."""
 NOISE_LEVELS = 3
 """Number of equal parts into which the withheld points are split by noise level.  Chosen by hand."""
 

@@ -19,10 +19,8 @@ import numpy as np
 
 POINT_SIZES = (1.0, 5.0)
 """Pixels: as in the viewer, and Open3D's default."""
-START_SECONDS = 120.0
-"""Time limit of the start.  Chosen by hand."""
-PICTURE_SECONDS = 120.0
-"""Time limit of a picture.  Chosen by hand."""
+SECONDS = 120.0
+"""Time limit of the start, and of a picture.  Chosen by hand."""
 
 
 class Open3DError(Exception):
@@ -60,13 +58,13 @@ class Open3DPoints:
         )
         try:
             point = np.array([[0, 0, 1]], np.float32)
-            self.draw(point, np.full((1, 3), 255, np.uint8), (16, 16), 8.0, START_SECONDS)
+            self.draw(point, np.full((1, 3), 255, np.uint8), (16, 16), 8.0, SECONDS)
         except Open3DError:
             self.close()
             raise
 
     def draw(self, xyz: np.ndarray, rgb: np.ndarray, size: tuple[int, int], focal: float,
-             seconds: float = PICTURE_SECONDS) -> tuple[list[np.ndarray], list[float]]:
+             seconds: float = SECONDS) -> tuple[list[np.ndarray], list[float]]:
         """Pictures (H, W, 3) uint8, one per point size, and the milliseconds of each without the upload of the points.
 
         xyz: (N, 3) float32, camera frame.  rgb: (N, 3) uint8.  size: (width, height), pixels.  focal: pixels.  The principal

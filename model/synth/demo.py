@@ -22,7 +22,7 @@ from .place import Place
 from .scanner import ScannerModel, SimulatedScan, VirtualScanner
 
 STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
-"""(3, 3) scanner positions, metres.  Chosen by hand."""
+"""(3, 3) scanner positions, metres, in the two rooms of the invented flat."""
 DEMO_POINTS = 1_350_000
 """Number of points of assets/demo.laz: measured so that the file stays below 8 MB."""
 LEAST_POINTS, MOST_POINTS = 1000, 100_000_000
@@ -30,7 +30,7 @@ LEAST_POINTS, MOST_POINTS = 1000, 100_000_000
 memory of common machines."""
 SUFFIXES = (".laz", ".las")
 SPREAD = 0.12
-"""Largest deviation of a station's exposure gain from 1.  Chosen by hand."""
+"""Largest deviation of a station's exposure gain from 1: as real stations differ."""
 SCALE = 0.0005
 """Metres per step of a LAS coordinate: about half the range noise at normal incidence (:class:`.scanner.ScannerModel`)."""
 SIZE, FPS, SECONDS = (960, 720), 24, 24
@@ -45,7 +45,7 @@ VIEWS = [
     ("07-window-and-plant", (2.9, 1.6, 1.45), (4.0, 4.5, 1.25), 58.0),
     ("08-railing", (7.6, 3.2, 1.4), (5.95, 4.0, 0.8), 52.0),
 ]
-"""Name, camera position and target (metres), vertical field of view (degrees).  Chosen by hand."""
+"""Name, camera position and target (metres), vertical field of view (degrees) of views of the invented flat."""
 
 
 def exposures(seed: int, count: int = len(STATIONS)) -> np.ndarray:

@@ -14,7 +14,7 @@ from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo
 
 EXPOSURE = 1.5
-"""Gain of the camera, linear light.  Chosen by hand, as the colours below."""
+"""Gain of the camera, linear light.  This and the colours below are of an invented place."""
 SKY = np.array([0.95, 1.0, 1.08])
 """Radiance of the sky at the horizon, linear RGB."""
 STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 1.15

@@ -13,7 +13,7 @@ from .builder import Appearance, Builder, tilt
 from .light import LAMP, SUN, WINDOW, Lights
 
 WIDTH, DEPTH, HEIGHT = 9.4, 4.6, 2.7
-"""Size of both rooms together along x, y and z, metres.  This and all sizes below were chosen by hand."""
+"""Size of both rooms together along x, y and z, metres.  This and all sizes below are of an invented flat."""
 PARTING = (5.2, 5.35)
 """x of both sides of the wall between the rooms, metres."""
 OPENING = (1.45, 3.15, 2.2)

@@ -18,7 +18,7 @@ from ..common.linear_light import to_linear, to_srgb
 
 @dataclass(frozen=True)
 class ScannerModel:
-    """Parameters of the instrument, chosen by hand.  Angles in degrees, lengths in metres.
+    """Parameters of an invented instrument.  Angles in degrees, lengths in metres.
 
     lowest, highest: elevation limits; directions below ``lowest`` are the blind cone of the tripod.
     nearest, farthest: limits of the range.

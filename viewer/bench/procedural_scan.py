@@ -24,7 +24,7 @@ from ..readers.source import Chunk, ScanInfo, Source
 POINTS_PER_ROOM = 5_000_000
 """Default number of points per room, from two stations.  Two real rooms of this size have 3 and 12 million."""
 PITCH = np.array([6.0, 5.0, 2.8])
-"""Distance of rooms along x and y, and their height, metres.  This and the sizes below were chosen by hand."""
+"""Distance of rooms along x and y, and their height, metres.  This and the sizes below are of an invented building."""
 WALL = 0.2
 """Thickness of walls, metres."""
 EYE = 1.5

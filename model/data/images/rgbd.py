@@ -19,7 +19,7 @@ from .rgbd_forms import read_frames
 from .rgbd_frame import FARTHEST, RgbdFrame
 
 HELD_OUT = 8
-"""One frame in this many is a true picture.  Chosen by hand."""
+"""One frame in this many is a true picture, as usual for new views (LLFF, mip-NeRF 360)."""
 MAX_FRAMES = 200
 """Largest number of frames in the scan.  Chosen by hand."""
 MAX_POINTS = 12_000_000

@@ -18,6 +18,7 @@ from ...common.errors import InputError
 from ...common.progress import progress
 from ...picture.settings import Settings
 from ...work.places.viewpoints import camera_path
+from .. import LEAST_FRAMES
 from ..bench_input import Subject
 from ..plots import INK, figure, save
 from .frame_times import summary
@@ -30,11 +31,11 @@ VIEWS = ("raw", "filled", "neural")
 """Views that are measured."""
 FRAMES = 240
 """Cameras along the path: 16 seconds of flight at 15 pictures per second."""
-_SAMPLES = 12
-"""Number of frames whose error is measured.  Chosen by hand."""
-_FRAMES_BEFORE = 24
+_SAMPLES = LEAST_FRAMES["flight"]
+"""Number of frames whose error is measured."""
+_FRAMES_BEFORE = FRAMES // 10
 """Frames before the measurement, spread over the path, in which shaders are compiled, buffers allocated and run times
-estimated.  Chosen by hand."""
+estimated."""
 _ITERATIONS = 4000
 """Iterations of the window's loop within which a picture at rest must become final.  Chosen by hand."""
 

@@ -11,14 +11,13 @@ from ....model.common.scanner_positions import stations_differ
 from ....model.data.dataset import MemoryPicture, MergedScan
 from ....model.evaluation.heldout import Viewpoint
 from ...picture.camera import Camera, from_fov, look_at
+from ...work.places.standing_place import FIELD_OF_VIEW
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
 
 STATIONS = 4
 """Number of stations that are withheld, one at a time: those with the most points.  Chosen by hand."""
-FIELD_OF_VIEW = 60.0
-"""Vertical field of view of the cameras at scanner positions, degrees.  Chosen by hand."""
 LEAST_SHARE = 0.02
 """Least share of the points that a withheld station must have, and that must remain without it.  Chosen by hand."""
 

@@ -29,7 +29,7 @@ from .material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 VIEWPOINTS = 30
 """Number of cameras, for training and held out: the benches' eight views, the others along their path.  Chosen by hand."""
 SIZE = (640, 480)
-"""Picture size, pixels.  Chosen by hand."""
+"""Picture size, pixels: that of the larger pairs from which the shipped weights learned."""
 MOST_POINTS = 8_000_000
 """Largest number of points used: a view of 640x480 does not show more, and each point is projected into each picture."""
 PICTURES = 75
@@ -37,7 +37,8 @@ PICTURES = 75
 LEAST_DENSITY = min(DENSITIES)
 """Least share of the points in every other training picture, that of the evaluation; the other pictures use all points."""
 LEAST_SEEN = 500
-"""Least number of visible withheld points for a view to be used.  Chosen by hand."""
+"""Least number of visible withheld points for a view to be used: the RMS of so many errors has a standard error of
+1 / sqrt(1000), 3 %, or 0.3 dB of PSNR."""
 
 
 @dataclass(frozen=True, eq=False)
