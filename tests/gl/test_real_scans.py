@@ -45,7 +45,7 @@ def test_real_scans_open_with_their_counts_and_colours(opened):
 
 def test_plant_room_is_the_real_scan_with_a_black_border(opened):
     name, scene = opened
-    assert any("black border" in text for text in scene.meta.warnings) == (name == "plant_room.laz")
+    assert any("black border" in text for text in scene.meta.warning_texts) == (name == "plant_room.laz")
 
 
 def test_real_scan_agrees_with_the_reference(context, opened):

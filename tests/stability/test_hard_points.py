@@ -52,7 +52,7 @@ def test_a_file_with_no_numbers_in_it_shows_the_rest(renderers, seed, tmp_path):
     path.write_bytes("\n".join(lines).encode() + record.tobytes())
     scene = open_scene(path, cache=False)
     assert scene.count == len(xyz) - 700 and scene.meta.dropped.nan == 700
-    assert any("700 points" in line for line in scene.meta.warnings)
+    assert any("700 points" in line for line in scene.meta.warning_texts)
     good = np.setdiff1d(np.arange(len(xyz)), bad)
     memory = scene_from_arrays(record["xyz"][good].astype(np.float64), rgb[good])
     camera = axis_camera((90, 60), (4.0, 0.5, 2.0))

@@ -12,6 +12,7 @@ from ..common.text import counted
 from ..grid import cache
 from ..grid.open_scene import as_paths, build_scene, each_once, present, say_degrees
 from ..grid.scene import Scene
+from ..preprocess.scan_description import ScanWarning, WarningTopic
 
 _log = logging.getLogger(__name__)
 _NAMED = 8  # scans that could not be read and are named in the message, besides the first; chosen by hand
@@ -26,8 +27,8 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
     """
     files, out = as_paths(paths), Path(out)
     files, left_out = present(files)
-    for line in left_out:
-        _log.warning("%s", line)
+    for error in left_out:
+        _log.warning("%s", ScanWarning(str(error), WarningTopic.LEFT_OUT))
     place = _place_of(out)
     with made_folder(place, make=False):
         scene = cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)

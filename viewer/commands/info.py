@@ -60,7 +60,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "scans": to_json(meta.scans),
         "photographs": _photographs(meta.sources),
         "dropped": to_json(meta.dropped),
-        "warnings": list(meta.warnings),
+        "warnings": meta.warning_texts,
     }
     if full:
         ends = scene.offsets[:: len(scene.cell_coords)]

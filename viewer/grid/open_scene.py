@@ -14,9 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import InputError, Option
-from ..preprocess.scan_description import NO_DESCRIPTION, ColourSummary, RecordOrigin, ScanDescription
-from .building.cluster_check import OF_PLACES
-from .building.count_checks import IN_DEGREES
+from ..preprocess.scan_description import (
+    NO_DESCRIPTION,
+    ColourSummary,
+    RecordOrigin,
+    ScanDescription,
+    ScanWarning,
+    WarningTopic,
+)
 from .records.point_records import identity_of
 from .scene import Scene
 
@@ -24,7 +29,6 @@ if TYPE_CHECKING:
     from ..readers.source import Source
 
 _log = logging.getLogger(__name__)
-_DIFFER, _UNTOLD = "the files differ in their ", "not all of the files tell their "
 _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file
 
 
@@ -38,11 +42,10 @@ def open_scene(
     black as missing colour.  A folder made by ``convert`` has the colours it was built with; it is refused where colours as
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
-    Of several files those that cannot be opened are left out, with a warning that begins with LEFT_OUT.
+    Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
     progress is cancelled.
     """
-    from ..readers.formats import LEFT_OUT
     from . import cache as stored
 
     files = as_paths(paths)
@@ -58,19 +61,18 @@ def open_scene(
     else:
         scene = stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
     if left_out:
-        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *left_out)))
-    for line in scene.meta.warnings:
-        if LEFT_OUT in line:
-            _log.warning("%s", line)
+        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *_left_out(left_out))))
+    for warning in scene.meta.warnings_about(WarningTopic.LEFT_OUT):
+        _log.warning("%s", warning)
     return scene
 
 
-def present(files: list[Path]) -> tuple[list[Path], list[str]]:
-    """The files that are there and not empty, and a line about each of the others.  Raises InputError where none is left, or
-    a file is given alone."""
-    from ..readers.formats import LEFT_OUT, check_file
+def present(files: list[Path]) -> tuple[list[Path], list[InputError]]:
+    """The files that are there and not empty, and what is wrong with each of the others.  Raises InputError where none is
+    left, or a file is given alone."""
+    from ..readers.formats import check_file, none_opens
 
-    found, left_out, first = [], [], None
+    found, left_out = [], []
     for file in files:
         try:
             check_file(file)
@@ -78,11 +80,15 @@ def present(files: list[Path]) -> tuple[list[Path], list[str]]:
         except InputError as error:
             if file.is_dir():  # a folder made by convert, or without scans: not a file of the set that failed
                 raise
-            first = first or error
-            left_out.append(f"{LEFT_OUT}{error}")
-    if not found and first:
-        raise first if len(files) == 1 else InputError(f"none of the {len(files)} files can be opened; the first: {first}")
+            left_out.append(error)
+    if not found and left_out:
+        raise left_out[0] if len(files) == 1 else none_opens(files, left_out[0])
     return found, left_out
+
+
+def _left_out(errors: Iterable[InputError]) -> list[ScanWarning]:
+    """The warnings about files that could not be opened."""
+    return [ScanWarning(str(error), WarningTopic.LEFT_OUT) for error in errors]
 
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
@@ -91,14 +97,14 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
     allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).
     """
     from ..preprocess.point_colour import Colours
-    from ..readers.formats import LEFT_OUT, open_readable
+    from ..readers.formats import open_readable
     from .building.two_passes import build_grid
 
     sources, left_out = open_readable(files, columns)
     while True:
         files = [source.path for source in sources]
         known = replace(
-            stated_facts(sources), match=match, warnings=(*left_out, *_differences(sources)),
+            stated_facts(sources), match=match, warnings=(*_left_out(left_out), *_differences(sources)),
             records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns),
         )  # fmt: skip
         try:
@@ -107,32 +113,26 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
             broken = next((source for source in sources if error.is_of(source.path)), None)
             if broken is None or len(sources) == 1:
                 raise
-            left_out.append(f"{LEFT_OUT}{error}")
+            left_out.append(error)
             sources, _ = open_readable([source.path for source in sources if source is not broken], columns)
 
 
-def _differences(sources: "Sequence[Source]") -> list[str]:
+def _differences(sources: "Sequence[Source]") -> list[ScanWarning]:
     """A warning where files that are shown in one frame differ in units or reference system, else none."""
     units = {source.metres_per_unit for source in sources}
     if len(units - {None}) > 1:
-        return [f"{_DIFFER}units of length; they are shown as if they agreed"]
+        return [ScanWarning("units of length; they are shown as if they agreed", WarningTopic.DIFFERENT)]
     if len(units) > 1:
-        return [f"{_UNTOLD}unit of length; they are shown as if it were the same"]
+        return [ScanWarning("unit of length; they are shown as if it were the same", WarningTopic.PARTLY_UNKNOWN)]
     if len({source.crs for source in sources}) > 1:
-        return [f"{_DIFFER}coordinate reference system; they are shown as if they agreed"]
+        return [ScanWarning("coordinate reference system; they are shown as if they agreed", WarningTopic.DIFFERENT)]
     return []
 
 
 def say_degrees(scene: Scene) -> None:
     """Logs a line where the coordinates of a scene are degrees, with the command that transforms them to metres."""
-    for line in scene.meta.warnings:
-        if IN_DEGREES in line:
-            _log.warning("%s", line)
-
-
-def about_several(warnings: "Sequence[str]") -> list[str]:
-    """Of a scene's warnings those that say that its files do not belong together: units, reference systems, places."""
-    return [text for text in warnings if text.startswith((_DIFFER, _UNTOLD, OF_PLACES))]
+    for warning in scene.meta.warnings_about(WarningTopic.DEGREES):
+        _log.warning("%s", warning)
 
 
 def stated_facts(sources: "Sequence[Source]") -> ScanDescription:

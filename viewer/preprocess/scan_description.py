@@ -9,10 +9,11 @@ Frame: file coordinates.  Order of the fields: that of the file.
 """
 
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from ..picture.json_values import NOT_STORED, UNLESS_DEFAULT, Count, Factor, from_json
+from ..picture.json_values import NOT_STORED, UNLESS_DEFAULT, Count, Factor, OwnJson, from_json
 from .point_attributes import NO_ATTRIBUTES, AttributeLayout
 
 IN_MEMORY = "points in memory"
@@ -97,6 +98,55 @@ class RecordOrigin:
     columns: str | None = None
 
 
+class WarningTopic(Enum):
+    """What a warning is about, where code acts on it.
+
+    The value is in its text: meta.json has warnings as texts, so these words are part of the format of a grid.
+    """
+
+    LEFT_OUT = "left out: "
+    """A file of several could not be opened."""
+    DIFFERENT = "the files differ in their "
+    """Units or reference systems."""
+    PARTLY_UNKNOWN = "not all of the files tell their "
+    """The unit."""
+    PLACES = "the files are of "
+    """They lie far apart."""
+    DEGREES = "lengths and shapes are wrong; reproject it to metres: "
+    """Coordinates are geographic ones."""
+
+
+OF_SEVERAL = (WarningTopic.DIFFERENT, WarningTopic.PARTLY_UNKNOWN, WarningTopic.PLACES)
+"""Topics of warnings that say that the files do not belong together."""
+
+
+@dataclass(frozen=True)
+class ScanWarning(OwnJson):
+    """A warning about a scan, one line.  detail: all of it, or what stands behind the words of its topic.  subject:
+    what stands before them, of DEGREES alone."""
+
+    detail: str
+    topic: WarningTopic | None = None
+    subject: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.subject}{self.topic.value if self.topic else ''}{self.detail}"
+
+    def to_json(self) -> str:
+        """See OwnJson."""
+        return str(self)
+
+    @classmethod
+    def from_json(cls, data: Any, where: str) -> Self:
+        """See OwnJson."""
+        text = from_json(str, data, where)
+        for topic in WarningTopic:
+            subject, words, detail = text.partition(topic.value)
+            if words and (not subject or topic is WarningTopic.DEGREES):
+                return cls(detail, topic, subject)
+        return cls(text)
+
+
 @dataclass(frozen=True)
 class Assigned:
     """What a person has assigned to a scan.  crs: the coordinate reference system, with its unit.  unit: the unit of length."""
@@ -120,7 +170,7 @@ class ScanDescription:
     sources: absolute paths of the files.  format: of the files, several separated by commas; None where it is not known.
     units: name of the unit of length, "degree", "mixed" or "unknown".  metres_per_unit: None where it is not known.  crs: name
     of the coordinate reference system, "mixed" where files differ, None where none states it.  match: whether exposure
-    compensation was asked for; None for points that were in memory.  warnings: one line each, for a person.  records: None in a
+    compensation was asked for; None for points that were in memory.  records: None in a
     folder of an earlier version.  colour, exposures, passes: None where nothing was decided.  attributes: besides colour and
     station.  scans: in the order of their numbers.  assigned: of a project: ``units`` and
     ``metres_per_unit``, perhaps ``crs``, are then not those of the files.
@@ -132,7 +182,7 @@ class ScanDescription:
     metres_per_unit: Factor | None = None
     crs: str | None = None
     match: bool | None = field(default=None, metadata=UNLESS_DEFAULT)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[ScanWarning, ...] = ()
     records: RecordOrigin | None = None
     colour: ColourSummary | None = None
     exposures: ExposureSummary | None = None
@@ -141,6 +191,15 @@ class ScanDescription:
     dropped: DroppedPoints = DroppedPoints()
     scans: tuple[ScanSummary, ...] = ()
     assigned: Assigned = field(default=Assigned(), metadata=NOT_STORED)
+
+    @property
+    def warning_texts(self) -> list[str]:
+        """The warnings, one line each."""
+        return [str(warning) for warning in self.warnings]
+
+    def warnings_about(self, *topics: WarningTopic) -> list[ScanWarning]:
+        """The warnings that have one of these topics."""
+        return [warning for warning in self.warnings if warning.topic in topics]
 
     @property
     def title(self) -> str:

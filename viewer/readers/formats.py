@@ -48,8 +48,6 @@ _FILES = [name for row in FORMATS if not row.entry for name in row.names]
 _FOLDERS = list(dict.fromkeys(name for row in FORMATS if row.entry for name in row.names))
 KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLDERS)} folder"
 """The text after "give a" in messages."""
-LEFT_OUT = "left out: "
-"""The beginning of the warning about a file of several that could not be opened."""
 KNOWN_FILES = ", ".join(_FILES)
 """The formats that are single files, for the help."""
 KNOWN_FOLDERS = " or ".join(_FOLDERS)
@@ -207,22 +205,26 @@ def open_sources(paths: list[Path], columns: str | None = None) -> "list[Source]
     return [open_source(path, columns) for path in paths]
 
 
-def open_readable(paths: list[Path], columns: str | None = None) -> "tuple[list[Source], list[str]]":
-    """The readers for those of several paths that can be opened, and a line about each of the others.
+def open_readable(paths: list[Path], columns: str | None = None) -> "tuple[list[Source], list[InputError]]":
+    """The readers for those of several paths that can be opened, and why each of the others cannot.
 
     Raises InputError where none can be opened, and where columns are named and no file is text.
     """
     _check_columns(paths, columns)
-    sources, left_out, first = [], [], None
+    sources, left_out = [], []
     for path in paths:
         try:
             sources.append(open_source(path, columns))
         except InputError as error:
-            first = first or error
-            left_out.append(f"{LEFT_OUT}{error}")
-    if not sources and first:
-        raise first if len(paths) == 1 else InputError(f"none of the {len(paths)} files can be opened; the first: {first}")
+            left_out.append(error)
+    if not sources and left_out:
+        raise left_out[0] if len(paths) == 1 else none_opens(paths, left_out[0])
     return sources, left_out
+
+
+def none_opens(paths: list[Path], first: InputError) -> InputError:
+    """The error where none of several files can be opened.  first: of the first one."""
+    return InputError((f"none of the {len(paths)} files can be opened; the first: ", first))
 
 
 def _check_columns(paths: list[Path], columns: str | None) -> None:

@@ -68,6 +68,6 @@ def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     assert scene.unlit and lost.sum() == rim.sum() and (points[lost, 0] < 3).all()
     said = f"blind.laz: {100 * rim.mean():.1g}% of the points have the colour of a photograph's black border"
     assert said in format_text(facts(scene))
-    assert "dark.ply" not in "".join(scene.meta.warnings)
+    assert "dark.ply" not in "".join(scene.meta.warning_texts)
     plain = open_scene(files, cache=False, match=False)
     assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"

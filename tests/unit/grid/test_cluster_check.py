@@ -14,7 +14,7 @@ def _files(folder, offsets, seed=0):
 
 
 def _warned(files):
-    return [warning for warning in open_scene(files, cache=False).meta.warnings if "places" in warning]
+    return [warning for warning in open_scene(files, cache=False).meta.warning_texts if "places" in warning]
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])

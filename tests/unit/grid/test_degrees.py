@@ -77,7 +77,7 @@ def test_a_wide_flat_area_gives_the_warning_and_can_be_reprojected(tmp_path):
     flat = in_lines(1.0, 1.0)
     xyz = np.column_stack([flat + (5.0, 52.0), 8 + rng.normal(0, 1.0, len(flat))])
     path = write_las(tmp_path / "a.las", xyz, np.full((len(xyz), 3), 90), scale=1e-7)
-    assert any("look like degrees" in text for text in open_scene(path, cache=False).meta.warnings)
+    assert any("look like degrees" in text for text in open_scene(path, cache=False).meta.warning_texts)
     assert cli.main(["export", "--no-cache", str(path), "--reproject", "auto", "--out", str(tmp_path / "b.las")]) == 0
 
 

@@ -168,7 +168,7 @@ def test_frequent_black_among_colours_is_treated_as_missing_colour(tmp_path, kin
     scene = opened(holed, "holed")
     assert (~unpack(scene)[1].any(axis=1)).sum() == lost.sum()
     assert abs(scene.meta.colour.uncoloured - 0.15) < 0.03
-    assert any("of the points are black, which is treated as missing" in text for text in scene.meta.warnings)
+    assert any("of the points are black, which is treated as missing" in text for text in scene.meta.warning_texts)
     assert not opened(holed, "holed", match=False).unlit, "as scanned means as scanned"
     assert not opened(rgb, "lit").unlit
     dark = (rgb * np.linspace(0, 0.2, len(rgb))[:, None]).astype(np.uint8)  # a dark scan: black and near black

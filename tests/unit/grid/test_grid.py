@@ -314,7 +314,7 @@ def test_an_outlier_point_far_away_does_not_coarsen_the_grid():
     far[40_000] = 1e30
     scene = scene_from_arrays(far, rgb)
     assert scene.count == 49_999 and scene.meta.dropped.stray == 1 and scene.bounds.max() < 10
-    assert "1 outlier point too far from the rest left out" in scene.meta.warnings
+    assert "1 outlier point too far from the rest left out" in scene.meta.warning_texts
 
 
 @pytest.mark.parametrize("far", [90, 300, 3000, 10_000])

@@ -50,7 +50,7 @@ def test_nodes_of_any_depth_are_read(tmp_path, version):
 def test_classes_that_are_not_codes_are_counted(tmp_path):
     path = ply_with(tmp_path / "a.ply", "scalar_Classification", np.array([0, 5, 255, 256, -1, 2.5, np.nan, 7.0]), "<f4")
     scene = open_scene(path)
-    (warning,) = [text for text in scene.meta.warnings if "class" in text]
+    (warning,) = [text for text in scene.meta.warning_texts if "class" in text]
     assert "4 points have a class that is not a whole number from 0 to 255, such as 256" in warning
     with pointglass.open(path) as scan:
         assert set(scan.points.classification[np.isfinite(scan.points.classification)]) == {0, 5, 255, 256, -1, 2.5, 7}
@@ -59,7 +59,7 @@ def test_classes_that_are_not_codes_are_counted(tmp_path):
 
 def test_classes_that_are_codes_are_not_mentioned(tmp_path):
     path = ply_with(tmp_path / "a.ply", "classification", np.arange(8), "<i4")
-    assert not [text for text in open_scene(path).meta.warnings if "class" in text]
+    assert not [text for text in open_scene(path).meta.warning_texts if "class" in text]
 
 
 def test_exposures_of_too_many_stations_are_said_to_be_left_as_they_are(tmp_path, monkeypatch):
@@ -68,7 +68,7 @@ def test_exposures_of_too_many_stations_are_said_to_be_left_as_they_are(tmp_path
     xyz, rgb = surface(4000)
     for count, said in ((3, False), (4, True)):
         path = write_las(tmp_path / f"{count}.las", xyz, rgb, source=np.arange(len(xyz)) % count)
-        warnings = open_scene(path, cache=False).meta.warnings
+        warnings = open_scene(path, cache=False).meta.warning_texts
         assert any(f"exposures of {count} stations or flight lines are not compensated: at most 3" in text
                    for text in warnings) == said  # fmt: skip
 

@@ -107,10 +107,10 @@ def test_points_beyond_the_count_of_the_header_give_a_warning(tmp_path, kind):
         form = {"vertex_list": True} if kind == "vertex_list" else {"order": kind}
         path = write_ply(tmp_path / "a.ply", xyz, rgb, **form)
         data = path.read_bytes().replace(b"vertex 500", b"vertex 400")
-    assert not any("more follow" in text for text in open_scene(path, cache=False).meta.warnings)
+    assert not any("more follow" in text for text in open_scene(path, cache=False).meta.warning_texts)
     path.write_bytes(data)
     scene = open_scene(path, cache=False)
-    told = [text for text in scene.meta.warnings if "its header counts 400 points, but more follow" in text]
+    told = [text for text in scene.meta.warning_texts if "its header counts 400 points, but more follow" in text]
     assert scene.count == 400 and len(told) == 1
 
 
@@ -282,9 +282,9 @@ def test_colour_depth_is_decided_over_the_whole_file(tmp_path):
     want = sorted(map(tuple, rgb.tolist()))
     narrow = open_scene(write_las(tmp_path / "a.las", xyz, rgb))
     assert colours_of(narrow) == want and narrow.meta.colour.bits == 8
-    assert "8-bit colour in 16-bit fields" in narrow.meta.warnings[0]
+    assert "8-bit colour in 16-bit fields" in narrow.meta.warning_texts[0]
     wide = open_scene(write_las(tmp_path / "b.las", xyz, rgb.astype(np.uint16) << 8))
-    assert colours_of(wide) == want and wide.meta.colour.bits == 16 and wide.meta.warnings == ()
+    assert colours_of(wide) == want and wide.meta.colour.bits == 16 and wide.meta.warning_texts == []
     mixed = open_scene([tmp_path / "a.las", tmp_path / "b.las"])  # each file by itself
     assert colours_of(mixed) == sorted(want + want)
     late = np.zeros((1000, 3), np.uint16) + 3  # dark nearly to the end: still 16-bit
@@ -297,12 +297,12 @@ def test_scans_without_colour_show_intensity_or_else_height(tmp_path):
     levels = np.linspace(1000, 3000, 5000).astype(np.uint16)
     black = np.zeros((5000, 3), np.uint16)
     grey = open_scene(write_las(tmp_path / "a.las", xyz, black, levels))
-    assert grey.meta.colour.source == "intensity" and "no colour" in grey.meta.warnings[0]
+    assert grey.meta.colour.source == "intensity" and "no colour" in grey.meta.warning_texts[0]
     _, colours, stored, _ = unpack(grey)
     assert (colours[:, 0] == colours[:, 2]).all() and colours.min() == 0 and colours.max() == 255
     assert set(stored) == set(levels)
     ramp = open_scene(write_ply(tmp_path / "a.ply", xyz))
-    assert ramp.meta.colour.source == "height" and "shown by height" in ramp.meta.warnings[0]
+    assert ramp.meta.colour.source == "height" and "shown by height" in ramp.meta.warning_texts[0]
     back, colours, _, _ = unpack(ramp)
     low, high = back[:, 2].argmin(), back[:, 2].argmax()
     assert colours[low].tolist() == [68, 1, 84] and colours[high].tolist() == [253, 231, 37]
@@ -312,7 +312,7 @@ def test_a_scan_without_colour_among_coloured_ones(tmp_path):
     xyz, rgb = surface(500)
     scans = [E57Scan(xyz, rgb), E57Scan(xyz, intensity=np.linspace(0, 1, 500))]
     scene = open_scene(write_e57(tmp_path / "a.e57", scans))
-    assert scene.meta.colour.source == "rgb" and "1 of 2 scans" in scene.meta.warnings[0]
+    assert scene.meta.colour.source == "rgb" and "1 of 2 scans" in scene.meta.warning_texts[0]
     _, colours, _, number = unpack(scene)
     assert sorted(map(tuple, colours[number == 0].tolist())) == sorted(map(tuple, rgb.tolist()))
     assert len(np.unique(colours[number == 1, 0])) > 200
@@ -321,8 +321,8 @@ def test_a_scan_without_colour_among_coloured_ones(tmp_path):
 def test_float32_coordinates_too_large_for_their_precision_give_a_warning(tmp_path):
     xyz, rgb = surface(5000, origin=(4_500_000.0, 300_000.0, 0.0))
     scene = open_scene(write_ply(tmp_path / "a.ply", xyz, rgb, kind="float"))
-    assert any("too few digits" in warning for warning in scene.meta.warnings)
-    assert open_scene(write_ply(tmp_path / "b.ply", xyz, rgb)).meta.warnings == ()
+    assert any("too few digits" in warning for warning in scene.meta.warning_texts)
+    assert open_scene(write_ply(tmp_path / "b.ply", xyz, rgb)).meta.warning_texts == []
 
 
 REAL = {

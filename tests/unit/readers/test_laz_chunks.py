@@ -62,7 +62,7 @@ def test_whole_files_are_read(tmp_path, point_format, chunk):
     else:
         path = write_laz(tmp_path / "a.laz", point_format=point_format, chunk=chunk)
     scene = open_scene(path, cache=False)
-    assert scene.count == COUNT and not any("more follow" in text for text in scene.meta.warnings)
+    assert scene.count == COUNT and not any("more follow" in text for text in scene.meta.warning_texts)
 
 
 @pytest.mark.parametrize("chunk", [None, 300])

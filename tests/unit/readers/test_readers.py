@@ -126,7 +126,7 @@ def test_the_content_determines_the_format_and_a_wrong_suffix_gives_a_warning(tm
     path = write_ply(tmp_path / "a.ply", xyz, rgb).rename(tmp_path / "a.las")
     scene = open_scene(path, cache=False)
     assert scene.meta.format == "PLY"
-    assert "named .las but holds PLY" in scene.meta.warnings[0]
+    assert "named .las but holds PLY" in scene.meta.warning_texts[0]
 
 
 def test_units_come_from_wkt_and_geotiff_keys(tmp_path):
@@ -174,7 +174,7 @@ def test_different_units_and_unknown_units_give_different_warnings(tmp_path):
     unknown = write_ply(tmp_path / "c.ply", xyz, rgb)
     feet = write_las(tmp_path / "d.las", xyz, rgb, wkt='PROJCS["Oregon",UNIT["foot",0.3048]]')
     same, half_known, mixed = (
-        " ".join(open_scene([metres, file], cache=False).meta.warnings) for file in (other, unknown, feet)
+        " ".join(open_scene([metres, file], cache=False).meta.warning_texts) for file in (other, unknown, feet)
     )
     assert "unit" not in same
     assert "not all of the files tell their unit of length" in half_known and "differ" not in half_known
@@ -186,7 +186,7 @@ def test_different_coordinate_systems_of_equal_units_give_a_warning(tmp_path):
         files = [write_las(tmp_path / f"{k}.las", *surface(200, k), wkt=f'PROJCS["{name}",UNIT["metre",1.0]]')
                  for k, name in enumerate(names)]  # fmt: skip
         scene = open_scene(files, cache=False)
-        return scene.meta.crs, " ".join(scene.meta.warnings)
+        return scene.meta.crs, " ".join(scene.meta.warning_texts)
 
     crs, said = warned("zone 32", "zone 32")
     assert crs == "zone 32" and "differ" not in said

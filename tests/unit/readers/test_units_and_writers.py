@@ -109,7 +109,7 @@ def test_degrees_are_recognised_by_their_numbers_in_every_format(tmp_path, xyz):
     np.savetxt(paths[2], xyz, fmt="%.9f", delimiter=",", header="lon,lat,height", comments="")
     for path in paths:
         scene = open_scene(path, cache=False)
-        said = [text for text in scene.meta.warnings if "degrees" in text]
+        said = [text for text in scene.meta.warning_texts if "degrees" in text]
         assert len(said) == 1 and "reproject it to metres" in said[0], path
         low, high = xyz.min(axis=0), xyz.max(axis=0)  # coordinates stay those of the file
         np.testing.assert_allclose(scene.bounds, [low, high], atol=2e-7)
@@ -121,7 +121,7 @@ def test_degrees_are_recognised_by_their_numbers_in_every_format(tmp_path, xyz):
 ])  # fmt: skip
 def test_scans_in_metres_are_not_taken_for_degrees(tmp_path, xyz):
     scene = open_scene(write_las(tmp_path / "a.las", xyz, np.full((len(xyz), 3), 90)), cache=False)
-    assert not any("degree" in text for text in scene.meta.warnings)
+    assert not any("degree" in text for text in scene.meta.warning_texts)
 
 
 def test_the_checksum_of_pages_is_castagnolis():
@@ -239,7 +239,7 @@ def odd_ply(path, kind, order, count=200):
 def test_colours_beyond_16_bits_are_counted_in_a_warning_and_at_export(tmp_path, capsys, order, kind):
     path = odd_ply(tmp_path / "a.ply", kind, order)
     said = "a.ply: 7 points have a colour channel below 0 or above 65,535, such as 65536; it is clipped"
-    assert [text for text in open_scene(path, cache=False).meta.warnings if "colour" in text] == [said]
+    assert [text for text in open_scene(path, cache=False).meta.warning_texts if "colour" in text] == [said]
     assert cli.main(["export", "--no-cache", str(path), "--out", str(tmp_path / "b.las")]) == 0
     assert said in "".join(capsys.readouterr())
 
@@ -249,7 +249,7 @@ def test_colours_of_text_beyond_16_bits_are_counted_in_a_warning(tmp_path):
     values = rgb * 257.0
     values[5:9, 1] = 70_000
     np.savetxt(tmp_path / "a.csv", np.c_[xyz, values], fmt="%.6f", delimiter=",", header="x,y,z,r,g,b", comments="")
-    warned = open_scene(tmp_path / "a.csv", cache=False).meta.warnings
+    warned = open_scene(tmp_path / "a.csv", cache=False).meta.warning_texts
     assert any("4 points have a colour channel" in text for text in warned)
 
 
@@ -257,7 +257,7 @@ def test_colours_of_text_beyond_16_bits_are_counted_in_a_warning(tmp_path):
 def test_fields_of_a_pcd_with_several_values_are_named_as_left_out(tmp_path, capsys, data):
     path = write_pcd(tmp_path / "a.pcd", some(100), data, pad=True)
     said = "a.pcd: 1 field of several values a point, histogram (3 values), is left out"
-    assert said in open_scene(path, cache=False).meta.warnings
+    assert said in open_scene(path, cache=False).meta.warning_texts
     assert cli.main(["export", "--no-cache", str(path), "--out", str(tmp_path / "b.las")]) == 0
     assert said in "".join(capsys.readouterr())
     assert open_source(write_pcd(tmp_path / "c.pcd", some(100), data)).warnings == []

@@ -10,7 +10,7 @@ from window_session import session, stats
 from pointglass.viewer.picture.clip import Box
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
 from pointglass.viewer.window.interaction.tool import ToolContext
-from pointglass.viewer.window.kit.notices import Answer, ScanNotice
+from pointglass.viewer.window.kit.notices import Answer, KeepAsScanned, ScanNotice
 from pointglass.viewer.window.session.time_recording import FrameTimes
 from pointglass.viewer.work.measure import MeasuredPoint, Measurement
 
@@ -67,7 +67,7 @@ def made():
     found.advance()
     told = stats(raster=2.0) | {"points_total": 4_000, "opengl": "software", "device": "cpu", "bridge": "none"}
     found.drew(found.screen.plan, told)
-    found.notices.of_scan = [ScanNotice("a notice", "as_scanned", "Keep colours as scanned")]
+    found.notices.of_scan = [ScanNotice("a notice", KeepAsScanned())]
     found.notices.toast("a toast")
     found.view_settings.compare(True)
     found.help = found.profiler = found.lost = True

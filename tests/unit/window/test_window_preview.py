@@ -11,6 +11,7 @@ from window_session import room, session
 from pointglass.viewer.common.progress import progress
 from pointglass.viewer.window.flight.navigation import view_along
 from pointglass.viewer.window.flight.start_viewpoint import start_state, survey
+from pointglass.viewer.window.kit.notices import LoadAllPoints
 from pointglass.viewer.window.session.loading import Loaded
 
 
@@ -77,4 +78,4 @@ def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
     made.accept(loaded)
     made.escape()
     assert made.visit.preview and made.scene is loaded.scene and work is not None and work.join(10)
-    assert [(notice.action, notice.label) for notice in made.notices.of_scan] == [("open_fully", "Load all points")]
+    assert [notice.offer for notice in made.notices.of_scan] == [LoadAllPoints()]

@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from window_session import FEW, finish, room, session, stats
 
-from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.errors import InputError, Option
 from pointglass.viewer.common.progress import progress
 from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.composition import split_column
 from pointglass.viewer.picture.settings import Settings
-from pointglass.viewer.preprocess.scan_description import ColourSummary, ExposureSummary, RunSummary
+from pointglass.viewer.preprocess.scan_description import ExposureSummary, RunSummary, ScanWarning
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.interaction import controls
+from pointglass.viewer.window.kit.notices import KeepAsScanned
 from pointglass.viewer.window.saving.capture import save_png, stamped
 from pointglass.viewer.window.saving.save_actions import SaveActions
 from pointglass.viewer.window.session.loading import Loaded, expanded, open_each
@@ -58,7 +59,8 @@ def test_neural_waits_for_its_network_and_shows_what_was_asked():
 
 def test_a_device_that_is_not_there_is_said_at_once_and_in_the_windows_words():
     def none(settings):
-        raise InputError("--device cuda: no CUDA here; use --device cpu or a smaller --size, or raise --gpu-memory")
+        raise InputError("no CUDA here", option=Option("--device", "cuda"), remedy=(
+            "use ", Option("--device", "cpu"), " or a smaller ", Option("--size"), ", or raise ", Option("--gpu-memory")))
 
     made, _ = session(loader=none)
     made.view_settings.request(replace(made.view_settings.settings, device="cuda"))
@@ -141,16 +143,14 @@ def test_what_is_odd_about_a_scan_is_said():
     made, _ = session()
     scene = room()
     scene = replace(scene, meta=replace(
-        scene.meta, colour=ColourSummary("intensity", 8, "no colour in the file; showing intensity"),
-        warnings=("3 points without coordinates left out",), exposures=ExposureSummary(2, 2, False, 1.0, 1.0),
-        passes=RunSummary(0.5, True),
+        scene.meta, warnings=(ScanWarning("3 points without coordinates left out"),),
+        exposures=ExposureSummary(2, 2, False, 1.0, 1.0), passes=RunSummary(0.5, True),
     ))  # fmt: skip
     made.accept(Loaded(scene, survey(scene)))
     assert [notice.text for notice in made.notices.of_scan] == [
-        "no colour in the file; showing intensity", "3 points without coordinates left out",
-        "The brightness of runs of points was made equal.",
+        "3 points without coordinates left out", "The brightness of runs of points was made equal.",
     ]  # fmt: skip
-    assert [notice.label for notice in made.notices.of_scan if notice.action] == ["Keep colours as scanned"]
+    assert [notice.offer.label for notice in made.notices.of_scan if notice.offer] == ["Keep colours as scanned"]
     assert len(made.notices.toasts) == 2, "the rest stays in the scene list"
 
 
@@ -163,7 +163,7 @@ def test_colours_as_scanned_are_asked_of_the_load_and_the_camera_stays():
 
     made, _ = session()
     made.loads.open_scene = opened
-    for action in (lambda: made.open([Path("a.laz")]), lambda: act_on_notice(made, "as_scanned")):
+    for action in (lambda: made.open([Path("a.laz")]), lambda: act_on_notice(made, KeepAsScanned())):
         action()
         assert made.loads.current is not None and made.loads.current.join(20)
         loaded = made.poll()
@@ -187,7 +187,7 @@ def test_of_several_files_the_bad_ones_are_named_and_the_good_ones_are_shown():
 
     files = [Path(name) for name in ("a.ply", "b.ply", "c.ply", "d.ply")]
     _, good, problems = open_each(files, opened)
-    assert good == [files[0], files[2]] and problems == [(Path("b.ply"), "b.ply: damaged"), (Path("d.ply"), "d.ply: damaged")]
+    assert good == [files[0], files[2]] and [str(problem) for problem in problems] == ["b.ply: damaged", "d.ply: damaged"]
     with pytest.raises(InputError, match=r"d\.ply"):
         open_each([Path("b.ply"), Path("d.ply")], opened)
     with pytest.raises(InputError, match="no room"):
@@ -207,7 +207,7 @@ def test_a_folder_of_scans_stands_for_the_scans_in_it(tmp_path):
 def test_what_was_said_about_a_scene_goes_with_it_and_what_was_saved_stays():
     made, _ = session()
     odd, plain = room(), room()
-    odd = replace(odd, meta=replace(odd.meta, warnings=("3 points without coordinates left out",)))
+    odd = replace(odd, meta=replace(odd.meta, warnings=(ScanWarning("3 points without coordinates left out"),)))
     made.accept(Loaded(odd, survey(odd)))
     made.notices.toast("Saved a.png")
     made.accept(Loaded(plain, survey(plain)))

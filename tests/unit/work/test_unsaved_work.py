@@ -8,6 +8,7 @@ from test_picture_spec import other
 from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # noqa: F401  (a fixture)
 
 from pointglass.viewer.picture.look import Look
+from pointglass.viewer.window.kit.notices import OpenProject
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
@@ -194,8 +195,8 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
     assert window.session.camera.camera_to_world == pytest.approx(left.camera_to_world)
     assert window.session.camera.fy == pytest.approx(left.fy)
     assert window.session.flight.home.position == pytest.approx(home.position), "Home is the start viewpoint"
-    offer = next(notice for notice in window.session.notices.of_scan if notice.label == "Open it")
-    act_on_notice(window.session, offer.action)
+    offer = next(notice for notice in window.session.notices.of_scan if isinstance(notice.offer, OpenProject))
+    act_on_notice(window.session, offer.offer)
     window.take()
     assert window.session.work.project == tmp_path / "room.pointglass" and window.session.document.clips == (BOX,)
 

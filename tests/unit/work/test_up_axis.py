@@ -11,6 +11,7 @@ from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.flight.flight import Flight
 from pointglass.viewer.window.flight.navigation import Motion, step, view_along
 from pointglass.viewer.window.flight.start_viewpoint import brightening, darkness, lying, start_state, survey
+from pointglass.viewer.window.kit.notices import Brighten, CallUp
 from pointglass.viewer.work.places.up_axis import Z_UP, turned, upright_axes
 
 
@@ -40,7 +41,7 @@ def test_a_room_lying_on_its_side_is_offered_its_up_axis_and_an_upright_one_is_n
     for size in ((8, 6, 3), (12, 15, 3.5), (6, 9, 2.6)):
         xyz = _room(size, rng)
         lies = lying(survey(_scene(xyz @ upright_axes(UP_AXES["y"]).T)), Z_UP)
-        assert lies is not None and lies.action in ("up y", "up -y")
+        assert lies is not None and lies.offer in (CallUp("y"), CallUp("-y"))
         assert lying(survey(_scene(xyz)), Z_UP) is None
         assert lying(survey(_scene(xyz[:, [1, 0, 2]])), Z_UP) is None
 
@@ -96,7 +97,7 @@ def test_a_dark_scan_is_offered_an_exposure_that_brings_its_median_to_the_middle
         scene = scene_from_arrays(rng.random((5000, 3)), np.full((5000, 3), level, np.uint8), noise=False)
         seen = survey(scene)
         notice = darkness(seen)
-        assert notice is not None and notice.action == "brighten"
+        assert notice is not None and notice.offer == Brighten()
         stops = brightening(seen)
         linear = ((level / 255 + 0.055) / 1.055) ** 2.4 * 2**stops
         assert stops == 3.0 or 0.33 < 1.055 * linear ** (1 / 2.4) - 0.055 < 0.47

@@ -14,6 +14,7 @@ from pathlib import Path
 from ....model.common.files.atomic_write import passes_through, write_atomic
 from ...common.errors import InputError
 from ...common.text import bytes_text, counted
+from ...preprocess.scan_description import OF_SEVERAL
 from ...readers.grid_folder import is_grid
 from ...work.selection import Selection, clips_of
 from ..open_project import opened
@@ -65,8 +66,6 @@ def export(
     the file cannot hold, where there is such.
     Raises InputError; then nothing is left behind.
     """
-    from ...grid.open_scene import about_several
-
     check_ending(out)
     target = None if reproject is None else target_of(reproject)
     if out.is_dir() or passes_through(out):
@@ -79,8 +78,8 @@ def export(
         raise InputError(f"needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}", option="--out", value=out,
                          remedy="make room")
     losses, written = Losses(), [0]
-    for text in about_several(selection.scene.meta.warnings):
-        losses.add(text)
+    for warning in selection.scene.meta.warnings_about(*OF_SEVERAL):
+        losses.add(str(warning))
 
     def fill(path: Path) -> None:
         written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)

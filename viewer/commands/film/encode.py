@@ -13,7 +13,7 @@ import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
 from ....model.common.files.json_file import write_json
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...common.file_names import inside
 from ...common.files import out_folder, write_png
 from ...common.progress import progress
@@ -37,7 +37,7 @@ def write_mp4(path: Path, cameras: Sequence[Camera], draw: Draw, *, size: tuple[
     cannot be written."""
     if size[0] % 2 or size[1] % 2:
         raise InputError(f"an MP4 needs even sides, not {size[0]}x{size[1]}", file=path,
-                         remedy="choose another --size, or give a folder for PNGs")
+                         remedy=("choose another ", Option("--size"), ", or give a folder for PNGs"))
     if not path.parent.is_dir():
         raise InputError("its folder does not exist", file=path, remedy=f"make {path.parent} first")
     with progress(len(cameras), "filming", "frame") as meter:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.linear_light import TO_LINEAR, TO_SRGB
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...picture.background import composite
 from ...picture.edits import NO_EDITS, Edits
 from ...picture.settings import Settings
@@ -44,7 +44,8 @@ class FrameMaker:
         if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
             raise InputError(f"expected 1 to {LARGEST_SUPERSAMPLE}", option="--supersample", value=self.supersample)
         if self.panorama and self.size[0] != 2 * self.size[1]:
-            raise InputError(f"--size {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as 4096x2048")
+            raise InputError((Option("--size"), f" {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as "
+                              "4096x2048"))
         object.__setattr__(self, "_composer", Composer(self.renderer.context))
 
     def picture(self, camera: "Camera") -> np.ndarray:

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...preprocess.scan_description import ScanWarning, WarningTopic
 from ...preprocess.valid_positions import is_position
 from ...readers.source import Chunk, Source
 
 _EVERY = 64  # one of so many points is examined: 16,000 of a chunk, whose percentiles are within 0.1 (standard error)
 _BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count
 _FAR = 20.0  # times the larger extent of two files; chosen by hand: buildings of a campus and tiles of a town are neighbours
-OF_PLACES = "the files are of "
-"""The beginning of every warning of ClusterCheck."""
 
 
 class ClusterCheck:
@@ -35,7 +34,7 @@ class ClusterCheck:
         if len(some):
             self._parts[source].append(np.percentile(some, _BULK, axis=0))
 
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[ScanWarning]:
         """One warning where the files form several clusters, else none."""
         boxes = {number: (np.min([low for low, _ in parts], axis=0), np.max([high for _, high in parts], axis=0))
                  for number, parts in enumerate(self._parts) if parts}
@@ -52,7 +51,8 @@ class ClusterCheck:
         one, other = (self._names[group[0]] for group in groups[:2])
         gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
         far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
-        return [f"{OF_PLACES}{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"]
+        text = f"{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"
+        return [ScanWarning(text, WarningTopic.PLACES)]
 
 
 def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:

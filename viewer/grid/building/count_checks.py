@@ -8,6 +8,7 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...common.text import counted
+from ...preprocess.scan_description import ScanWarning, WarningTopic
 from ...preprocess.valid_positions import FARTHEST
 from ...readers.source import Source
 from .count_points import CellCounts
@@ -40,26 +41,21 @@ def drop_warnings(counts: CellCounts) -> list[str]:
     return [f"{counted(n, noun)} {how} left out" for n, noun, how in reasons if n]
 
 
-IN_DEGREES = "lengths and shapes are wrong; reproject it to metres: "
-"""What tells the warnings of degree_warnings from others, in the stored facts of a scan."""
-
-
-def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
+def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[ScanWarning]:
     """A warning where x and y are degrees of longitude and latitude: stated by a file, or by the look of the numbers
     (viewer.grid.building.degrees)."""
     place = counts.bounds.mean(axis=0)
     place = place[[1, 0]] if abs(place[1]) > 90 else place[:2]  # latitude may come first
     path = next((source.path for source in sources if source.units == "degree"), sources[0].path)
     command = f"pointglass export {quote(path.name)} --reproject {utm_of(place)} --out {quote(path.stem + '-utm.laz')}"
-    remedy = f"{IN_DEGREES}{command}"
     stated = [source.path.name for source in sources if source.units == "degree"]
     if stated:
-        return [f"{stated[0]}: coordinates in degrees: {remedy}"]
+        return [ScanWarning(command, WarningTopic.DEGREES, f"{stated[0]}: coordinates in degrees: ")]
     if any(source.metres_per_unit or source.crs for source in sources) or not like_degrees(counts.bounds, sources[0]):
         return []
     around = ", ".join(f"{value:.4f}" for value in place)
-    return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {around}; heights do not): "
-            f"{remedy}"]  # fmt: skip
+    seems = f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {around}; heights do not): "
+    return [ScanWarning(command, WarningTopic.DEGREES, seems)]
 
 
 def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: float | None) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from ....model.appearance.noise import NoiseModel
 from ...preprocess.point_attributes import AttributeCounts, AttributeLayout, common_ends
 from ...preprocess.point_colour import ColourDecision, Colours
-from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDescription, ScanSummary
+from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDescription, ScanSummary, ScanWarning
 from ...preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
 from ...preprocess.scanner_positions import StationInference
 from ...readers.source import Source
@@ -56,7 +56,7 @@ class FirstPass:
     scans: ScanTable
     attributes: AttributeLayout
     decision: ColourDecision | None
-    warnings: list[str]
+    warnings: list[ScanWarning]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
     if colours is not None:
         scans = stations.solve()
         decision = colours.decide(_height_range(counts), scans.turns)
-    warnings = [] if decision is None else decision.warnings
+    warnings = [ScanWarning(text) for text in (() if decision is None else decision.warnings)]
     return FirstPass(counts, scans, attributes.layout(), decision, warnings + clusters.warnings())
 
 
@@ -167,19 +167,20 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
     spacing = (steps or STEPS * _DEFAULT_SPACING) * layout.cell_size / STEPS
     warnings = [*known.warnings, *first.warnings]
     if 0 < steps < _LEAST_STEPS:
-        warnings.append("points lie too close together for so wide a scan, positions are rounded; split it")
-    warnings += drop_warnings(counts) + degree_warnings(sources, counts)
-    warnings += precision_warnings(sources, counts, spacing if steps else None)
+        warnings.append(ScanWarning("points lie too close together for so wide a scan, positions are rounded; split it"))
+    warnings += [*map(ScanWarning, drop_warnings(counts)), *degree_warnings(sources, counts)]
+    warnings += map(ScanWarning, precision_warnings(sources, counts, spacing if steps else None))
     scans = known.scans or _listed_scans(first, points)
     if len(scans) > MOST_NUMBERS:
-        warnings.append(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as one; "
-                        "picking, export and Python tell all apart")  # fmt: skip
+        warnings.append(ScanWarning(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as "
+                                    "one; picking, export and Python tell all apart"))  # fmt: skip
     attributes = first.attributes
     if attributes.low is not None:
         attributes = replace(attributes, ends=common_ends([source.intensity_ends for source in sources]))
+    of_files = [ScanWarning(text) for source in sources for text in source.warnings]
     meta = replace(
-        known, warnings=tuple(warning for source in sources for warning in source.warnings) + tuple(warnings),
-        attributes=attributes, scans=scans, records=_origin(first.scans, records, known.records or RecordOrigin()),
+        known, warnings=(*of_files, *warnings), attributes=attributes, scans=scans,
+        records=_origin(first.scans, records, known.records or RecordOrigin()),
         dropped=DroppedPoints(nan=counts.dropped[0], invalid=counts.dropped[2], stray=counts.dropped[1]),
     )  # fmt: skip
     if (decision := first.decision) is not None:

@@ -256,7 +256,7 @@ class FileChoice:
         if self._examining is None or not self._examining.finished:
             return
         work, self._examining = self._examining, None
-        self._take(work.result or [Examined(self.folder, problem=work.error or "it cannot be examined")])
+        self._take(work.result or [Examined(self.folder, problem=str(work.error or "it cannot be examined"))])
 
     @property
     def waiting(self) -> bool:

@@ -15,7 +15,7 @@ from ...picture.camera import Camera, from_fov
 from ...work.places.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
 from ...work.places.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from ...work.scan_files import main_place
-from ..kit.notices import ScanNotice
+from ..kit.notices import Brighten, CallUp, ScanNotice
 from .framing import from_outside
 from .navigation import FlyState, view_along
 
@@ -56,7 +56,7 @@ def darkness(seen: Survey) -> ScanNotice | None:
     if seen.brightness >= _DARK:
         return None
     text = f"This scan is dark: half of its points are below {100 * seen.brightness:.0f} % of full brightness."
-    return ScanNotice(text, "brighten", "Brighten")
+    return ScanNotice(text, Brighten())
 
 
 def brightening(seen: Survey) -> float:
@@ -72,7 +72,7 @@ def lying(seen: Survey, up: Sequence[float]) -> ScanNotice | None:
     if name is None:
         return None
     text = f"This scan seems to lie on its side: {name} looks like up (Scene has the other axes)."
-    return ScanNotice(text, f"up {name}", f"Call {name} up")
+    return ScanNotice(text, CallUp(name))
 
 
 def start_state(scene: "Scene", seen: Survey, aspect: float, up: Sequence[float] = Z_UP) -> FlyState:

@@ -257,6 +257,6 @@ class Measure(Tool):
         try:
             write_csv(path, context.document.measurements, metres_per_unit(context))
         except PointglassError as error:
-            context.session.notices.say("The measurements cannot be exported", str(error))
+            context.session.notices.say("The measurements cannot be exported", error)
         else:
             context.toast(f"Exported to {path}")

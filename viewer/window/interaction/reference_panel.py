@@ -90,7 +90,7 @@ class ReferencePanel:
         if not self._systems.finished:
             ui.text_unformatted("Reading the list of systems…")
         elif self._systems.error is not None:
-            ui.text_wrapped(self._systems.error)
+            ui.text_wrapped(str(self._systems.error))
         else:
             self._matches(ui, context, code)
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 from ...work.places.walk_map import WalkMap, build_walk_map
 from ...work.selection import Selection
 from ..flight.walking import PACE, stand
+from ..kit.notices import ToastSubject
 from ..kit.worker import Worker
 from .editing import end, ended, metres_per_unit
 
 if TYPE_CHECKING:
     from .tool import ToolContext
 
-_FINDING = "Finding the floor"
 
 
 class WalkMode:
@@ -37,7 +37,7 @@ class WalkMode:
             self._begin(context)
         else:
             self._start_build(context)
-            context.toast(f"{_FINDING}…")
+            context.session.notices.toast("Finding the floor…", subject=ToastSubject.FLOOR)
 
     def _wanted(self, context: "ToolContext") -> tuple:
         document, scene = context.document, context.scene
@@ -65,13 +65,13 @@ class WalkMode:
             self._flying_speed = flight.state.speed
         flight.walk(walker, PACE * self._map.metre)
         message = "Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre"
-        context.session.notices.toast(message, instead_of=_FINDING)
+        context.session.notices.toast(message, subject=ToastSubject.FLOOR)
 
     def _fly(self, context: "ToolContext", text: str) -> None:
         flight, self.on = context.session.flight, False
         flight.fly(self._flying_speed or flight.state.speed)
         self._flying_speed = 0.0
-        context.session.notices.toast(text, instead_of=_FINDING)
+        context.session.notices.toast(text, subject=ToastSubject.FLOOR)
 
     def follow(self, context: "ToolContext") -> None:
         """Takes the map when it is built; notes that a walk has ended."""

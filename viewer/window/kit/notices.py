@@ -3,19 +3,29 @@
 No window: ``dialogs``, ``hud`` and ``scenes_panel`` draw what is here.  Times are seconds on the session's clock.
 """
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum, auto
+from pathlib import Path
 
+from ...common.errors import Option, PointglassError
+from ...common.text import printable
+
+Problem = str | Exception
+"""What went wrong: a sentence, or an error, which is put into the window's words when it is shown."""
 TOAST_SECONDS = 4.0
-_OPTIONS = {"size": "window", "view": "view", "filter": "filter", "quality": "quality", "precision": "precision",
-            "device": "device"}  # fmt: skip
+_OPTIONS = {"--size": "window", "--view": "view", "--filter": "filter", "--quality": "quality", "--precision": "precision",
+            "--device": "device"}  # fmt: skip
 """Of the command line's options, those that a person finds in the window: option -> what it is called there."""
 
 
-def in_window(text: str) -> str:
+def _window_option(option: Option) -> str:
+    return str(Option(_OPTIONS.get(option.name, option.name), option.choice))
+
+
+def in_window(problem: Problem) -> str:
     """What went wrong and what to do, in the words of the window rather than of the command line."""
-    return re.sub(rf"(?<!\S)--({'|'.join(_OPTIONS)})(?![\w-])", lambda found: _OPTIONS[found[1]], text)
+    return printable(problem.words(_window_option)) if isinstance(problem, PointglassError) else str(problem)
 
 
 @dataclass(frozen=True)
@@ -35,23 +45,78 @@ class Message:
     answers: tuple[Answer, ...] = (Answer("OK"),)
 
 
+class ToastSubject(Enum):
+    """What a toast is about, where a later one replaces it or an event makes it obsolete."""
+
+    NOTHING_OPEN = auto()
+    SPEED = auto()
+    FLOOR = auto()
+    RECORDING = auto()
+    HIDDEN_INTERFACE = auto()
+
+
 @dataclass(frozen=True)
 class Toast:
-    """A line that goes by itself.  until: on the session's clock.  of_scene: it is about the scene shown, and goes with it."""
+    """A line that goes by itself.  until: on the session's clock.  of_scene: it is about the scene shown, and goes with it.
+    subject: of toasts with the same one only the latest is shown."""
 
     text: str
     until: float
     of_scene: bool = False
+    subject: ToastSubject | None = None
+
+
+@dataclass(frozen=True)
+class KeepAsScanned:
+    """Opens the scan again with the colours of the file."""
+
+    label = "Keep colours as scanned"
+
+
+@dataclass(frozen=True)
+class LoadAllPoints:
+    """Loads the complete scan of a preview."""
+
+    label = "Load all points"
+
+
+@dataclass(frozen=True)
+class Brighten:
+    """Sets an exposure that suits a dark scan."""
+
+    label = "Brighten"
+
+
+@dataclass(frozen=True)
+class OpenProject:
+    """Opens the project saved beside the scan.  file: of the project."""
+
+    file: Path
+    label = "Open it"
+
+
+@dataclass(frozen=True)
+class CallUp:
+    """Makes another axis point up.  axis: a key of viewer.picture.edits.UP_AXES."""
+
+    axis: str
+
+    @property
+    def label(self) -> str:
+        """See Offer."""
+        return f"Call {self.axis} up"
+
+
+Offer = KeepAsScanned | LoadAllPoints | Brighten | OpenProject | CallUp
+"""What can be done about a notice; ``label``: its button.  viewer.window.session.scan_notice_actions does it."""
 
 
 @dataclass(frozen=True)
 class ScanNotice:
-    """Something to know about the scan shown; it stays in the scene list.  action: what can be done about it, a key that
-    the session knows, "" for nothing; label: its button."""
+    """Something to know about the scan shown; it stays in the scene list.  offer: what can be done about it."""
 
     text: str
-    action: str = ""
-    label: str = ""
+    offer: Offer | None = None
 
 
 class Notices:
@@ -64,9 +129,9 @@ class Notices:
         self.toasts: list[Toast] = []
         self.of_scan: list[ScanNotice] = []
 
-    def say(self, title: str, text: str) -> None:
-        """Opens a dialog.  text: as for the command line."""
-        self.message = Message(title, in_window(text))
+    def say(self, title: str, *problems: Problem) -> None:
+        """Opens a dialog with one or several problems."""
+        self.message = Message(title, "\n\n".join(map(in_window, problems)))
 
     def ask(self, title: str, text: str, answers: tuple[Answer, ...]) -> None:
         """Opens a dialog with several buttons.  Esc closes it without an answer."""
@@ -89,15 +154,16 @@ class Notices:
             do()
 
     def toast(
-        self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None, of_scene: bool = False
+        self, text: str, *, seconds: float = TOAST_SECONDS, subject: ToastSubject | None = None, of_scene: bool = False
     ) -> None:
-        """Shows a line for a moment.  instead_of: toasts that begin so go at once.  of_scene: as in Toast."""
-        kept = [toast for toast in self.toasts if instead_of is None or not toast.text.startswith(instead_of)]
-        self.toasts = [*kept[-2:], Toast(text, self._clock() + seconds, of_scene)]
+        """Shows a line for a moment.  subject, of_scene: as in Toast."""
+        if subject is not None:
+            self.drop(subject)
+        self.toasts = [*self.toasts[-2:], Toast(text, self._clock() + seconds, of_scene, subject)]
 
-    def drop(self, text: str) -> None:
-        """Forgets the toasts that say ``text``."""
-        self.toasts = [toast for toast in self.toasts if toast.text != text]
+    def drop(self, subject: ToastSubject) -> None:
+        """Forgets the toast about ``subject``."""
+        self.toasts = [toast for toast in self.toasts if toast.subject is not subject]
 
     def leave_scene(self) -> None:
         """Forgets what was said about the scene that is no longer shown."""

@@ -19,13 +19,14 @@ class Worker:
 
     title: what it does as a whole.  label, done, total: the latest progress (total 0: unknown).
     finished: result or error are there.
-    error: the one line a person reads, or None.  cancelled: asked to stop; its result must not be used.
+    error: what went wrong, an error or the line that a person reads; None where nothing did.
+    cancelled: asked to stop; its result must not be used.
     """
 
     def __init__(self, work: Callable[[], Any], title: str, wake: Callable[[], None] = lambda: None, *, start: bool = True):
         self.title, self.label, self.done, self.total = title, "", 0, 0
         self.result: Any = None
-        self.error: str | None = None
+        self.error: PointglassError | str | None = None
         self.cancelled = False
         self._wake, self._woke = wake, 0.0
         self._step: tuple[str, float, int] | None = None  # the present step: its label, since when, and what was done then
@@ -81,7 +82,7 @@ class Worker:
         except Cancelled:
             self.cancelled = True
         except PointglassError as error:
-            self.error = str(error)
+            self.error = error
         except MemoryError:
             self.error = f"{self.title}: not enough memory; close other programs or open a smaller scan"
         except Exception as error:  # a bug: the window lives on, and the terminal has what a report needs

@@ -174,7 +174,7 @@ def _notices(session: Session, actions: Actions, style: Theme) -> None:
     for number, notice in enumerate(session.notices.of_scan):
         imgui.push_id(number)
         small(notice.text, style, theme.TEXT)
-        if notice.action and link(notice.label):
-            actions.act_on_notice(notice.action)
+        if notice.offer is not None and link(notice.offer.label):
+            actions.act_on_notice(notice.offer)
         imgui.dummy(ImVec2(0, style.px(2)))
         imgui.pop_id()

@@ -11,6 +11,7 @@ from ...common.errors import PointglassError
 from ...common.text import counted
 from ...work.pictures.shot_metadata import KEY, cannot_repeat
 from ..file_dialog.file_dialogs import FileDialogs
+from ..kit.notices import ToastSubject
 from ..kit.worker import Worker
 from ..session.session import Session
 from ..session.time_recording import FrameTimes
@@ -51,7 +52,7 @@ class SaveActions:
     def screenshot(self) -> Path | None:
         """Saves the picture as PNG and says where; a larger one is begun.  Returns its path, None where there is none."""
         if self._session.scene is None:
-            self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
+            self._session.notices.toast("Nothing to save yet: drop a scan here first", subject=ToastSubject.NOTHING_OPEN)
             return None
         try:
             with ExitStack() as name:
@@ -66,7 +67,7 @@ class SaveActions:
                 text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
                 capture.save_png(path, image, text)
         except PointglassError as error:
-            self._session.notices.say("No screenshot was saved", str(error))
+            self._session.notices.say("No screenshot was saved", error)
             return None
         again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
         if shot is None and self._session.work.shot_scale > 1:
@@ -85,7 +86,7 @@ class SaveActions:
                     return None
                 return self._begin(StillJob(self._session.scene, shot, path, panorama=size), name)
         except PointglassError as error:
-            self._session.notices.say("No panorama was saved", str(error))
+            self._session.notices.say("No panorama was saved", error)
             return None
 
     def _begin(self, job: StillJob, name: ExitStack) -> Path | None:
@@ -121,14 +122,14 @@ class SaveActions:
         session = self._session
         self._painter.settle()
         if session.recording is None and session.scene is None:
-            session.notices.toast("Nothing to record yet: drop a scan here first", instead_of="Nothing to ")
+            session.notices.toast("Nothing to record yet: drop a scan here first", subject=ToastSubject.NOTHING_OPEN)
             return None
         if session.recording is None:
             session.recording = FrameTimes()
-            session.notices.toast(_RECORDING)
+            session.notices.toast(_RECORDING, subject=ToastSubject.RECORDING)
             return None
         times, session.recording = session.recording, None
-        session.notices.drop(_RECORDING)
+        session.notices.drop(ToastSubject.RECORDING)
         if not len(times):
             session.notices.toast("No frame was drawn meanwhile: nothing saved")
             return None
@@ -137,7 +138,7 @@ class SaveActions:
                 capture.write_beside(path, times.csv())
                 capture.write_beside(path.with_suffix(".png"), times.plot())
         except PointglassError as error:
-            session.notices.say("The frame times were not saved", str(error))
+            session.notices.say("The frame times were not saved", error)
             return None
         session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}")
         return path

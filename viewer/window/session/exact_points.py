@@ -83,7 +83,7 @@ class ExactPoints:
         for reading in [reading for reading in self._waiting if reading.worker.finished]:
             self._waiting.remove(reading)
             worker = reading.worker
-            reading.arrived(worker.result if worker.error is None else replace(reading.picked, note=worker.error))
+            reading.arrived(worker.result if worker.error is None else replace(reading.picked, note=str(worker.error)))
         self._start_next()
         while self._then and not self._waiting:
             self._then.pop(0)()

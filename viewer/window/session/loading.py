@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...common.errors import Cancelled, PointglassError
-from ...preprocess.scan_description import ScanDescription
+from ...preprocess.scan_description import ScanDescription, WarningTopic
 from ...work.moved_scans import MissingScans
 from ..flight.start_viewpoint import Survey, survey
-from ..kit.notices import Notices, ScanNotice
+from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
 from ..kit.worker import Worker
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Loaded:
     seen: what the start viewpoint needs to know.  paths: the files.  preview: a coarse scene that the complete one follows.
     follows_preview: the complete scene of a preview that is shown: the camera stays.
     variant: the scene that is shown, with other points marked as ghosts: the camera stays.
-    problems: (file, one line) of those that could not be opened.
+    problems: why files could not be opened, one each.
     """
 
     scene: "Scene"
@@ -37,19 +37,17 @@ class Loaded:
     preview: bool = False
     follows_preview: bool = False
     variant: bool = False
-    problems: tuple[tuple[Path, str], ...] = ()
+    problems: tuple[Problem, ...] = ()
 
 
 def scan_notices(meta: ScanDescription) -> list[ScanNotice]:
-    """What a person should know about a scan: the reader's warnings, and how its colours differ from the file's."""
-    notices = [ScanNotice(text) for text in meta.warnings]
-    if meta.colour is not None and not meta.colour.of_files and not any("colour" in notice.text for notice in notices):
-        notices.insert(0, ScanNotice(meta.colour.note))
+    """What a person should know about a scan: its warnings, and how its colours differ from the file's."""
+    notices = [ScanNotice(text) for text in meta.warning_texts]
     kinds = {"stations": meta.stations_matched, "runs of points": meta.runs_matched}
     matched = [name for name, applied in kinds.items() if applied]
     if matched:
         text = f"The brightness of {' and of '.join(matched)} was made equal."
-        notices.append(ScanNotice(text, "as_scanned", "Keep colours as scanned"))
+        notices.append(ScanNotice(text, KeepAsScanned()))
     return notices
 
 
@@ -93,18 +91,18 @@ def expanded(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") -> "tuple[Scene, list[Path], list]":
+def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") -> "tuple[Scene, list[Path], list[Problem]]":
     """Opens ``files`` as one scene and leaves out those that cannot be opened.
 
-    Returns the scene, the files it holds, and (file, one line) of the others.  Raises the last error where none is left.
+    Returns the scene, the files it holds, and why the others are not among them.  Raises the last error where none is left.
     """
-    problems: list[tuple[Path, str]] = []
+    problems: list[Problem] = []
     while True:
         try:
             scene = open_scene(files)
-            for file, text in _left_out(scene, files):
-                problems.append((file, text))
-                files = [other for other in files if other != file]
+            if left_out := scene.meta.warnings_about(WarningTopic.LEFT_OUT):
+                problems += [warning.detail for warning in left_out]
+                files = [file for file in files if _is_in(scene, file)]
             return scene, files, problems
         except Cancelled:
             raise
@@ -112,16 +110,15 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
             named = [file for file in files if error.is_of(file)]
             if len(files) == 1 or not named:
                 raise
-            problems.append((named[0], str(error)))
+            problems.append(error)
             files = [file for file in files if file != named[0]]
 
 
-def _left_out(scene: "Scene", files: list[Path]) -> list[tuple[Path, str]]:
-    """(file, one line) of the files that were left out of a scene because they could not be opened."""
-    from ...readers.formats import LEFT_OUT
+def _is_in(scene: "Scene", file: Path) -> bool:
+    """Whether a scene holds the points of a file, or of a folder of an octree."""
+    from ...grid.open_scene import as_paths
 
-    lines = [text.removeprefix(LEFT_OUT) for text in scene.meta.warnings if text.startswith(LEFT_OUT)]
-    return [(file, line) for line in lines for file in files if line.startswith((f"{file}:", f"{file.name}:"))]
+    return any(str(path.absolute()) in scene.meta.sources for path in as_paths(file))
 
 
 class ScanLoads:
@@ -158,7 +155,7 @@ class ScanLoads:
             self.missing = error
             return
         except PointglassError as error:
-            self._notices.say("This project cannot be opened", str(error))
+            self._notices.say("This project cannot be opened", error)
             return
 
         def work() -> Loaded:
@@ -221,9 +218,8 @@ class ScanLoads:
             self._notices.say("This scan cannot be opened", work.error)
         loaded = work.result if not work.cancelled else None
         if loaded is not None and loaded.problems:
-            lines = "\n\n".join(text for _, text in loaded.problems)
             number = len(loaded.problems)
-            self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", lines)
+            self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", *loaded.problems)
         return loaded
 
     def close(self) -> None:

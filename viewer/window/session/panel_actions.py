@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 
 from ...picture.settings import Settings
 from ...work.scan_files import FilePart
+from ..kit.notices import Offer
 from .recovery import Recoverable
 
 
@@ -45,8 +46,8 @@ class Actions(Protocol):
     def fly_to_file(self, part: FilePart) -> None:
         """Flies to a view of one file."""
 
-    def act_on_notice(self, action: str) -> None:
-        """Does what a notice about the scan offers, by its key."""
+    def act_on_notice(self, offer: Offer) -> None:
+        """Does what a notice about the scan offers."""
 
     def answer(self, number: int) -> None:
         """Presses a button of the message that is open."""

@@ -20,7 +20,7 @@ from ...work.history import History
 from ...work.measure import Begun
 from ...work.project import SUFFIX
 from ..file_dialog.file_dialogs import FileDialogs
-from ..kit.notices import Answer
+from ..kit.notices import Answer, ToastSubject
 from .autosave import Autosave, UnsavedWork, discard, lock
 from .loading import Loaded
 from .recent import remember
@@ -133,7 +133,7 @@ class ProjectFlow:
         """Saves the project in its file; a new one beside its scan, or where the person says if that is not possible."""
         work = self._session.work
         if self._session.scene is None:
-            self._session.notices.toast("Nothing to save yet: open a scan first", instead_of="Nothing to ")
+            self._session.notices.toast("Nothing to save yet: open a scan first", subject=ToastSubject.NOTHING_OPEN)
         elif work.project is None:
             path = work.project_path
             usual = path is not None and not path.exists() and os.access(path.parent, os.W_OK)
@@ -154,7 +154,7 @@ class ProjectFlow:
     def save_as(self, then: Callable[[], object] = lambda: None) -> None:
         """Asks for a file, and saves the project in it."""
         if self._session.scene is None:
-            self._session.notices.toast("Nothing to save yet: open a scan first", instead_of="Nothing to ")
+            self._session.notices.toast("Nothing to save yet: open a scan first", subject=ToastSubject.NOTHING_OPEN)
             return
         path = self._session.work.project_path
         name = path.name if path is not None else f"project{SUFFIX}"

@@ -27,7 +27,7 @@ from ...picture.spec import PictureSpec
 from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ...work.document import Document, Viewpoint
 from ..flight.flight import Flight
-from ..kit.notices import Notices, ScanNotice
+from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
 from ..planning import networks
 from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
@@ -154,9 +154,9 @@ class Session:
         if self.recording is not None and plan is not None:
             self.recording.add(self._clock(), stats, self.area.size, plan.views)
 
-    def failed(self, text: str) -> None:
+    def failed(self, problem: Problem) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""
-        self.notices.say("This picture cannot be made", text)
+        self.notices.say("This picture cannot be made", problem)
         self._shown_at.clear()
         self.picture.pending = None
         back = self.view_settings.fall_back()
@@ -192,7 +192,7 @@ class Session:
         """Changes the flying speed and shows it."""
         if self.scene is not None:
             self.flight.change_speed(notches)
-            self.notices.toast(f"Speed {self.speed_text}", seconds=1.5, instead_of="Speed ")
+            self.notices.toast(f"Speed {self.speed_text}", seconds=1.5, subject=ToastSubject.SPEED)
 
     @property
     def speed_text(self) -> str:
@@ -213,9 +213,9 @@ class Session:
     def show_or_hide_interface(self) -> None:
         """Hides what is laid over the picture, and says for a moment how it comes back; or shows it again."""
         self.interface = not self.interface
-        self.notices.drop(_HIDDEN)
+        self.notices.drop(ToastSubject.HIDDEN_INTERFACE)
         if not self.interface:
-            self.notices.toast(_HIDDEN, seconds=2.0)
+            self.notices.toast(_HIDDEN, seconds=2.0, subject=ToastSubject.HIDDEN_INTERFACE)
 
     def move_split(self, x: float) -> None:
         """The comparison's line was dragged.  x: pixels of the picture."""
@@ -300,7 +300,7 @@ class Session:
         self.notices.toast("Loading cancelled")
         if self.visit.preview:
             text = f"This is a preview of {counted(self.scene.count, 'point')}." if self.scene is not None else ""
-            self.notices.of_scan = [ScanNotice(text, "open_fully", "Load all points")]
+            self.notices.of_scan = [ScanNotice(text, LoadAllPoints())]
 
     def close(self) -> None:
         """Stops workers, and waits until what they were writing is gone."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...common.text import printable
 from ...picture.camera import Camera
+from ...preprocess.scan_description import WarningTopic
 from ...work.document import Document, Viewpoint
 from ...work.places.standing_place import standing_view, viewpoint_worth
 from ...work.places.up_axis import turned, upright_axes
@@ -27,7 +28,7 @@ from ..flight.start_viewpoint import (
     start_state,
     state_of,
 )
-from ..kit.notices import ScanNotice
+from ..kit.notices import OpenProject, ScanNotice
 from .loading import Loaded, scan_notices
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class SceneVisit:
     def notices(self, document: Document) -> list[ScanNotice]:
         """What there is to say about the scene, most important first."""
         assert self.scene is not None and self._seen is not None
-        known = any(" places, " in text for text in self.scene.meta.warnings)
+        known = bool(self.scene.meta.warnings_about(WarningTopic.PLACES))
         offers = (_project_beside(document), None if known else far_apart(self._seen), darkness(self._seen),
                   lying(self._seen, document.up))
         return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
@@ -164,7 +165,7 @@ def _project_beside(document: Document) -> ScanNotice | None:
     project = project_beside(document)
     if not project.is_file():
         return None
-    return ScanNotice(f"{printable(project.name)} beside this scan holds saved work.", f"open {project}", "Open it")
+    return ScanNotice(f"{printable(project.name)} beside this scan holds saved work.", OpenProject(project))
 
 
 def _at(camera: Camera, state: FlyState) -> FlyState:

@@ -14,6 +14,7 @@ from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
 from ..interaction.tool import Toolbox, ToolContext
+from ..kit.notices import Offer
 from ..saving.save_actions import SaveActions
 from ..session.project_flow import ProjectFlow
 from ..session.recovery import Recoverable
@@ -95,8 +96,8 @@ class WindowActions:
         if not session.visit.show_file(part, session.document, session.area.aspect):
             session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
 
-    def act_on_notice(self, action: str) -> None:
-        act_on_notice(self._session, action)
+    def act_on_notice(self, offer: Offer) -> None:
+        act_on_notice(self._session, offer)
 
     def answer(self, number: int) -> None:
         self._session.notices.answer(number)
@@ -169,4 +170,4 @@ def _open_demo(app: Host) -> None:
     try:
         app.open([demo_scan()], demo_camera())
     except InputError as error:
-        app.session.notices.say("The demo cannot be opened", str(error))
+        app.session.notices.say("The demo cannot be opened", error)

@@ -86,7 +86,7 @@ class Viewport:
         try:
             renderer = self._made(loaded.scene)
         except (PointglassError, MemoryError) as error:
-            self._session.notices.say("This scan cannot be shown", str(error) or _NO_MEMORY)
+            self._session.notices.say("This scan cannot be shown", error if str(error) else _NO_MEMORY)
             return False
         if self.renderer is not None:
             self.renderer.release()
@@ -150,7 +150,7 @@ class Viewport:
             return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
         except (PointglassError, MemoryError) as error:
             self._unreported = None
-            self._session.failed(str(error) or _NO_MEMORY)
+            self._session.failed(error if str(error) else _NO_MEMORY)
             return False
 
     @property
@@ -173,7 +173,7 @@ class Viewport:
             raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
             self.frame = self._unreported = None
-            session.failed(str(error) or _NO_MEMORY)
+            session.failed(error if str(error) else _NO_MEMORY)
             return
         self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
         self._rate.add(perf_counter())
@@ -213,7 +213,7 @@ class Viewport:
             raise
         except PointglassError as error:
             self.frame = self._unreported = None
-            self._session.failed(str(error))
+            self._session.failed(error)
             return True
         self._shown = plan.views
         stats = frame.stats

@@ -112,7 +112,7 @@ class CameraPathEditor:
         try:
             cameras = read_cameras(file)
         except PointglassError as error:
-            context.session.notices.say("The camera path cannot be read", str(error))
+            context.session.notices.say("The camera path cannot be read", error)
             return
         keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name)) for number, camera in enumerate(cameras))
         edit(context, f"Read {file.name}", path=replace(context.document.path, keyframes=keys))
@@ -127,7 +127,7 @@ class CameraPathEditor:
         try:
             write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None)
         except (PointglassError, OSError) as error:
-            context.session.notices.say("The camera path cannot be written", str(error))
+            context.session.notices.say("The camera path cannot be written", error)
         else:
             context.toast(f"Saved {file}")
 

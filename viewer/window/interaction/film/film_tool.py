@@ -99,7 +99,7 @@ class Film(Tool):
         try:
             self.worker = film_worker(self.job(context, out), context.session.loads.wake)
         except PointglassError as error:
-            context.session.notices.say("This film cannot be made", str(error))
+            context.session.notices.say("This film cannot be made", error)
 
     def follow(self, context: ToolContext) -> None:
         done = ended(self.worker, context, "The film was not made")

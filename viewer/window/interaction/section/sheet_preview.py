@@ -43,7 +43,7 @@ class SheetPreview:
         """
         if self._worker is not None and self._worker.finished:
             done, self._worker = self._worker, None
-            self.problem = done.error or ""
+            self.problem = str(done.error or "")
             if not done.cancelled:
                 self._keep(done.result if done.error is None else None)
         if not self.shown:

@@ -64,7 +64,7 @@ class PictureViewer:
         """Takes the photograph that a thread has decoded."""
         if self._worker is not None and self._worker.finished:
             done, self._worker = self._worker, None
-            self.problem = done.error or ""
+            self.problem = str(done.error or "")
             if done.result is not None:
                 self._image, self.full = done.result
 
@@ -81,7 +81,7 @@ class PictureViewer:
         try:
             data, ending = picture_file(stored)
         except PointglassError as error:
-            context.session.notices.say("The photograph cannot be saved", str(error))
+            context.session.notices.say("The photograph cannot be saved", error)
             return
         kind = {"JPEG as in the scan": (".jpg", ".jpeg")} if ending == ".jpg" else {"PNG as in the scan": (".png",)}
 
@@ -89,7 +89,7 @@ class PictureViewer:
             try:
                 write_beside(path, data)
             except PointglassError as error:
-                context.session.notices.say("The photograph was not saved", str(error))
+                context.session.notices.say("The photograph was not saved", error)
             else:
                 context.toast(f"Saved {path}")
 

@@ -105,7 +105,7 @@ class Stations(Tool):
         if self._read is not None and self._read.finished:
             done, self._read = self._read, None
             if done.error is not None:
-                self.warnings = [done.error]
+                self.warnings = [str(done.error)]
             for pictures, photos, warnings in done.result or []:
                 self.pictures += pictures
                 self.photos += photos
