@@ -155,16 +155,16 @@ def _check_weights(settings: Settings) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from .commands.info import describe, format_text
+    from .commands.info import facts, format_text, scene_of
     from .work.project import is_project
 
     if any(map(is_project, options.scans)):
-        from .commands.open_project import project_facts
+        from .commands.open_project import project_scene
 
-        facts = project_facts(options)
+        scene = project_scene(options)
     else:
-        facts = describe(options.scans, cache=not options.no_cache, columns=options.columns)
-    print(json.dumps(facts, indent=1) if options.json else format_text(facts))
+        scene = scene_of(options.scans, cache=not options.no_cache, columns=options.columns)
+    print(json.dumps(facts(scene), indent=1) if options.json else format_text(scene))
     return 0
 
 

@@ -65,13 +65,12 @@ class Told:
         self.picture.spec = self.spec
         self.heard.append(("shown", plan.level, hides))
 
-    def learn(self, plan, stats):
-        names = ("points_drawn", "occlusion", "cells_drawn")
-        self.heard.append(("cost", plan.level, *(stats.get(name) for name in names)))
+    def learn(self, plan, cost):
+        self.heard.append(("cost", plan.level, cost.points_drawn, cost.hidden, cost.facts.cells_drawn))
 
-    def drew(self, plan, stats):
-        self.shown(plan, hides="occlusion" in stats, approximations=())
-        self.learn(plan, stats)
+    def drew(self, plan, cost):
+        self.shown(plan, hides=cost.hidden is not None, approximations=())
+        self.learn(plan, cost)
 
 
 def flown(context, floor, monkeypatch, *, software: bool) -> list[tuple]:

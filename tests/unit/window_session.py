@@ -1,10 +1,14 @@
 """A session of the window without a window: an empty room, and a clock moved by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.render.culling.occlusion import HiddenCount
+from pointglass.viewer.render.frame import FrameCost, FrameFacts
 from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.session import Session
@@ -40,9 +44,13 @@ def session(*, loader=lambda settings: None, settings=None):
     return made, clock
 
 
-def stats(**stages):
-    return {"total_ms": 1.0, "stages": stages, "host": {}, "points_drawn": 1, "cells_drawn": 1, "raster": "compute",
-            "network": None, "approximations": []}  # fmt: skip
+def frame_cost(*, total_ms=1.0, host=None, points_drawn=1, points_missing=0, hidden=None, facts=None, **stages):
+    """What a frame cost.  hidden: points found hidden.  facts: others of its facts.  stages: milliseconds."""
+    made = FrameFacts(raster="compute", points_drawn=points_drawn + (hidden or 0), points_missing=points_missing,
+                      points_total=1, cells_drawn=1, cells_total=1, points_gpu_bytes=0, points_gpu_budget=0,
+                      points_gpu_budget_source="", opengl="software", stations="equal", approximations=())  # fmt: skip
+    return FrameCost(total_ms=total_ms, stages=stages, host=host or {}, facts=replace(made, **(facts or {})),
+                     hidden=None if hidden is None else HiddenCount(0, hidden))
 
 
 def finish(made):

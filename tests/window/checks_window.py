@@ -45,7 +45,7 @@ def check_neural_view(d: Driver) -> None:
     assert d.session.notices.message is None, d.session.notices.message
     d.rest()
     assert d.session.screen.drawn == ("neural",)
-    assert d.session.picture.stats["network"], (d.session.screen.drawn, d.session.screen.approximations)
+    assert d.session.picture.cost.facts.network, (d.session.screen.drawn, d.session.screen.approximations)
     assert np.array_equal(d.bare(), d.rendered())
     d.key("V")
     assert d.session.view_settings.sides == ("raw", "neural") and d.bare().std() > 5

@@ -1,18 +1,21 @@
 """Facts about a scan: ``pointglass info``.  All lengths in file units."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...model.appearance.noise import NoiseModel
 from ...model.common.scanner_positions import stations_differ
 from ..common.text import counted
 from ..grid.cache import CacheError
 from ..grid.open_scene import open_scene
 from ..grid.scene import Scene
 from ..picture.json_values import to_json
-from ..preprocess.point_attributes import AttributeLayout, described
+from ..preprocess.point_attributes import described
+from ..preprocess.scan_description import ExposureSummary
+from ..readers.e57.e57_pictures import StoredPicture, pictures_in
 from ..work.reference import with_reference
 
 if TYPE_CHECKING:
@@ -21,10 +24,10 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None,
-             assigned: "Sequence[ScanFile]" = ()) -> dict:
-    """Facts about a scan, ready for JSON.  full: include the grid.  cache, columns: as for open_scene.  assigned: the scans of
-    a document, with the unit and the reference system that it assigns.
+def scene_of(paths: list[Path], *, cache: bool = True, columns: str | None = None,
+             assigned: "Sequence[ScanFile]" = ()) -> Scene:
+    """The scene that facts are wanted of.  cache, columns: as for open_scene.  assigned: the scans of a document, with the unit
+    and the reference system that it assigns.
 
     Counting the points and measuring their spacing needs the grid, so the scan is read and its grid built, and stored in the
     cache where that can be written.  Raises InputError as open_scene and with_reference do.
@@ -34,11 +37,11 @@ def describe(paths: list[Path], full: bool = False, *, cache: bool = True, colum
     except CacheError as error:
         _log.warning("%s; the grid is built in memory", error)
         scene = open_scene(paths, cache=False, columns=columns)
-    return facts(replace(scene, meta=with_reference(scene.meta, assigned)), full)
+    return replace(scene, meta=with_reference(scene.meta, assigned))
 
 
 def facts(scene: Scene, full: bool = False) -> dict:
-    """Facts about an open scene, as from ``describe``."""
+    """Facts about a scene, ready for JSON.  full: include the grid."""
     meta = scene.meta
     low, high = scene.bounds.tolist()
     out = {
@@ -58,7 +61,8 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "noise": _noise_facts(scene),
         "attributes": to_json(meta.attributes),
         "scans": to_json(meta.scans),
-        "photographs": _photographs(meta.sources),
+        "photographs": [{"file": str(one.file), "name": one.name, "width": one.width, "height": one.height,
+                         "geometry": one.kind, "pose": one.placed} for one in pictures_in(meta.sources)],
         "dropped": to_json(meta.dropped),
         "warnings": meta.warning_texts,
     }
@@ -76,62 +80,53 @@ def facts(scene: Scene, full: bool = False) -> dict:
     return out
 
 
-def format_text(info: dict) -> str:
-    """The facts of ``describe`` as lines for a terminal."""
-    unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
-    unit = "units" if unit == "unknown" else unit
-    metres = info["metres_per_unit"]
-    assigned = info.get("assigned") or []
+def format_text(scene: Scene, full: bool = False) -> str:
+    """The :func:`facts` as lines for a terminal."""
+    meta, (low, high) = scene.meta, scene.bounds.tolist()
+    unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)", "unknown": "units"}.get(meta.units, meta.units)
+    metres = meta.metres_per_unit
     lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
     rows = [
-        ("file", ", ".join(info["sources"]) or "-"),
-        ("format", info["format"]),
-        ("points", f"{info['points']:,}"),
-        ("from", _vector(info["bounds"]["min"])),
-        ("to", _vector(info["bounds"]["max"])),
-        ("size", " x ".join(f"{side:.4g}" for side in info["size"]) + f" {unit}"),
-        ("spacing", f"{info['spacing']:.3g} {unit}"),
-        ("units", f"{info['units']} ({lengths}{', assigned in the project' if assigned else ''})"),
-        ("CRS", f"{info['crs'] or 'not given'}{' (assigned in the project)' if 'crs' in assigned else ''}"),
-        ("colour", (info["colour"] or {}).get("note", "-")),
+        ("file", ", ".join(meta.sources) or "-"),
+        ("format", meta.format),
+        ("points", f"{scene.count:,}"),
+        ("from", _vector(low)),
+        ("to", _vector(high)),
+        ("size", " x ".join(f"{b - a:.4g}" for a, b in zip(low, high, strict=True)) + f" {unit}"),
+        ("spacing", f"{scene.spacing:.3g} {unit}"),
+        ("units", f"{meta.units} ({lengths}{', assigned in the project' if meta.assigned else ''})"),
+        ("CRS", f"{meta.crs or 'not given'}{' (assigned in the project)' if meta.assigned.crs else ''}"),
+        ("colour", "-" if meta.colour is None else meta.colour.note),
+        ("noise", _noise(scene.noise)),
+        *described(meta.attributes),
     ]
-    rows.append(("noise", _noise(info["noise"])))
-    rows += described(AttributeLayout.from_json(info["attributes"], "attributes"))
-    if exposures := info.get("exposures"):
-        rows.append(("exposure", _exposures(exposures)))
-    if (passes := info.get("passes")) and passes["applied"]:
-        removed = f"{1 - passes['variance_left']:.0%} of the variance between neighbours removed"
+    if meta.exposures is not None:
+        rows.append(("exposure", _exposures(meta.exposures)))
+    if meta.passes is not None and meta.passes.applied:
+        removed = f"{1 - meta.passes.variance_left:.0%} of the variance between neighbours removed"
         rows.append(("passes", f"exposures of runs of points compensated, {removed} (--exposures as-scanned keeps them)"))
-    for scan in info["scans"]:
-        place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
-        how = ", inferred from the order of the points" if scan.get("inferred") else ""
-        rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
-    if photographs := info.get("photographs"):
+    for scan in meta.scans:
+        place = f"scanner at {_vector(scan.position)}" if scan.position else "no pose"
+        how = ", inferred from the order of the points" if scan.inferred else ""
+        rows.append(("scan", f"{scan.name}: {counted(scan.count, 'point')}, {place}{how}"))
+    if photographs := pictures_in(meta.sources):
         rows.append(("photos", _photographs_text(photographs)))
-    if info["stations"] == "weighed":
+    if stations_differ(scene.station_places):
         rows.append(("stations", "view-dependent blending by the angle to each scanner's ray (--stations equal averages them)"))
-    if grid := info.get("grid"):
-        rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
-        rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
-    rows += [("warning", text) for text in info["warnings"]]
+    if full:
+        rows.append(("grid", f"{len(scene.cell_coords):,} cells of {scene.cell_size:g}, {scene.layers} layers"))
+        rows.append(("packed", f"{scene.count * 12 / 1e6:,.1f} MB, positions {scene.step:.2g} apart"))
+    rows += [("warning", text) for text in meta.warning_texts]
     return "\n".join(f"{name:<8} {value}" for name, value in rows)
-
-
-def _photographs(sources: Iterable[str]) -> list[dict]:
-    """Name, size and geometry of the photographs inside the files, and whether a file says where each was taken."""
-    from ..readers.e57.e57_pictures import pictures_in
-
-    return [{"file": str(one.file), "name": one.name, "width": one.width, "height": one.height, "geometry": one.kind,
-             "pose": one.placed} for one in pictures_in(sources)]  # fmt: skip
 
 
 _NAMED = 8
 """Photographs whose names ``info`` lists."""
 
 
-def _photographs_text(found: list[dict]) -> str:
-    without = sum(not one["pose"] for one in found)
-    names = [f"{one['name']} ({one['width']} x {one['height']}{'' if one['pose'] else ', without a pose'})" for one in found]
+def _photographs_text(found: Sequence[StoredPicture]) -> str:
+    without = sum(not one.placed for one in found)
+    names = [f"{one.name} ({one.width} x {one.height}{'' if one.placed else ', without a pose'})" for one in found]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     poses = f", {without} without a pose" if 0 < without < len(found) else ""
     return f"{counted(len(found), 'photograph')}{poses}: {', '.join(names[:_NAMED])}{more}"
@@ -145,23 +140,23 @@ def _noise_facts(scene: Scene) -> dict | None:
             "curve": [round(float(factor), 4) for factor in noise.curve], "neighbourhoods": noise.neighbourhoods}  # fmt: skip
 
 
-def _noise(found: dict | None) -> str:
-    if found is None:
+def _noise(noise: NoiseModel | None) -> str:
+    if noise is None:
         return "unknown: the folder was made by an earlier version; convert the scan again"
-    if not found["neighbourhoods"]:
+    if not noise.neighbourhoods:
         return "unknown: too few points lie close together to tell it"
-    return (f"{found['sigma']:.3f} of full brightness a point ({found['sigma']:.1%}), {found['lowest']:.3f} to "
-            f"{found['highest']:.3f} by place, from {counted(found['neighbourhoods'], 'neighbourhood')}")  # fmt: skip
+    return (f"{noise.overall:.3f} of full brightness a point ({noise.overall:.1%}), {float(noise.sigma.min()):.3f} to "
+            f"{float(noise.sigma.max()):.3f} by place, from {counted(noise.neighbourhoods, 'neighbourhood')}")  # fmt: skip
 
 
-def _exposures(found: dict) -> str:
-    if not found["matched"]:
-        return f"as scanned: {found['stations']} stations, they overlap too little to compensate exposures"
-    if not found["applied"]:
-        return f"{found['stations']} stations with equal exposures"
+def _exposures(found: ExposureSummary) -> str:
+    if not found.matched:
+        return f"as scanned: {found.stations} stations, they overlap too little to compensate exposures"
+    if not found.applied:
+        return f"{found.stations} stations with equal exposures"
     return (
-        f"{found['matched']} of {found['stations']} stations compensated, gains {found['smallest_gain']:.2f} to "
-        f"{found['largest_gain']:.2f} (--exposures as-scanned keeps them)"
+        f"{found.matched} of {found.stations} stations compensated, gains {found.smallest_gain:.2f} to "
+        f"{found.largest_gain:.2f} (--exposures as-scanned keeps them)"
     )
 
 

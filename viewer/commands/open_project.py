@@ -34,14 +34,14 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 
 
-def project_facts(options: argparse.Namespace) -> dict:
-    """The facts of ``pointglass info`` about the scans of a project, with the unit and reference system that it assigns.
+def project_scene(options: argparse.Namespace) -> "Scene":
+    """The scene of ``pointglass info`` of the scans of a project, with the unit and reference system that it assigns.
 
     Raises InputError as :func:`opened`.
     """
-    from .info import describe
+    from .info import scene_of
 
     check_projects(list(options.scans))
     document = read_project(options.scans[0])
     scans = scans_of(options.scans[0], document)
-    return describe(scans, cache=not options.no_cache, columns=options.columns, assigned=document.scans)
+    return scene_of(scans, cache=not options.no_cache, columns=options.columns, assigned=document.scans)

@@ -1,7 +1,7 @@
 """What a render returns: textures while they live, arrays on demand, and an honest account of how it was made."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..picture.camera import Camera
     from ..picture.settings import Settings
     from .culling.cull import DrawList
+    from .culling.occlusion import HiddenCount
     from .raster.points import PointPages
     from .raster.raster import Rasteriser
     from .stage_times import Times
@@ -49,19 +50,36 @@ class FrameFacts:
     network: str | None = None
     stations: str
     approximations: tuple[str, ...]
-    occlusion: Callable[[], dict[str, Any]] | None = field(default=None, metadata=_WHERE_KNOWN)
+    occlusion: "Callable[[], HiddenCount] | None" = field(default=None, metadata=_WHERE_KNOWN)
     network_pending: bool | None = field(default=None, metadata=_WHERE_KNOWN)
     bridge: str | None = field(default=None, metadata=_WHERE_KNOWN)
 
+
+@dataclass(frozen=True, kw_only=True)
+class FrameCost:
+    """What a frame cost, and how it was made.  total_ms: from the call until the picture was there.  stages: milliseconds of
+    each stage on what ran it.  host: milliseconds until that had it.  hidden: what ``facts.occlusion`` gave, None where nothing
+    was left out."""
+
+    total_ms: float
+    stages: dict[str, float]
+    host: dict[str, float]
+    facts: FrameFacts
+    hidden: "HiddenCount | None" = None
+
+    @property
+    def points_drawn(self) -> int:
+        """Points drawn, without those of hidden cells."""
+        return self.facts.points_drawn - (0 if self.hidden is None else self.hidden.points_hidden)
+
     def as_dict(self) -> dict[str, Any]:
-        """The facts ready for JSON.  Waits for the GPU where cells were left out."""
-        found = {each.name: getattr(self, each.name) for each in fields(self)}
-        found["approximations"] = list(self.approximations)
-        if self.occlusion is not None:
-            found["occlusion"] = hidden = self.occlusion()
-            found["points_drawn"] -= hidden["points_hidden"]
-        absent = [each.name for each in fields(self) if "where_known" in each.metadata and found[each.name] is None]
-        return {name: value for name, value in found.items() if name not in absent}
+        """Everything as stats.json has it."""
+        facts = {each.name: getattr(self.facts, each.name) for each in fields(self.facts)}
+        facts |= {"points_drawn": self.points_drawn, "approximations": list(self.facts.approximations),
+                  "occlusion": None if self.hidden is None else asdict(self.hidden)}
+        absent = [each.name for each in fields(self.facts) if "where_known" in each.metadata and facts[each.name] is None]
+        return {"total_ms": self.total_ms, "stages": dict(self.stages), "host": dict(self.host),
+                **{name: value for name, value in facts.items() if name not in absent}}
 
 
 @dataclass
@@ -93,15 +111,17 @@ class Frame:
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
 
     @property
+    def cost(self) -> FrameCost:
+        """What it cost.  Waits for the GPU."""
+        hidden = None if self.facts.occlusion is None else self.facts.occlusion()
+        return FrameCost(total_ms=self.times.total(), stages=dict(self.times.milliseconds()), host=dict(self.times.host),
+                         facts=self.facts, hidden=hidden)
+
+    @property
     def stats(self) -> dict[str, Any]:
-        """total_ms; stages (name: ms on what ran it) and host (name: ms until that had it); points and cells drawn, what ran on
-        what, approximations in force.  Waits for the GPU."""
-        return {
-            "total_ms": self.times.total(),
-            "stages": dict(self.times.milliseconds()),
-            "host": dict(self.times.host),
-            **self.facts.as_dict(),
-        }
+        """:attr:`cost` ready for JSON: total_ms, stages, host, points and cells drawn, what ran on what, approximations in
+        force.  Waits for the GPU."""
+        return self.cost.as_dict()
 
 
 def raster_facts(rasteriser: "Rasteriser", draw: "DrawList", pages: "PointPages", scene: "Scene", settings: "Settings", *,

@@ -5,7 +5,7 @@ import pytest
 from cloud_files import write_las, write_ply
 from scipy.spatial.transform import Rotation
 
-from pointglass.viewer.commands.info import facts, format_text
+from pointglass.viewer.commands.info import format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.preprocess.black_border import DARK, black_border_share
@@ -67,7 +67,7 @@ def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     lost = ~colours.any(axis=1)
     assert scene.unlit and lost.sum() == rim.sum() and (points[lost, 0] < 3).all()
     said = f"blind.laz: {100 * rim.mean():.1g}% of the points have the colour of a photograph's black border"
-    assert said in format_text(facts(scene))
+    assert said in format_text(scene)
     assert "dark.ply" not in "".join(scene.meta.warning_texts)
     plain = open_scene(files, cache=False, match=False)
     assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"

@@ -70,7 +70,7 @@ def test_exposures_are_compensated_in_every_format_with_stations(tmp_path, kind)
     assert (found["stations"], found["matched"], found["applied"]) == (3, 3, True)
     assert found["smallest_gain"] == pytest.approx(1 / 1.1, abs=0.02)
     assert found["largest_gain"] == pytest.approx(1 / 0.9, abs=0.02)
-    assert "3 of 3 stations compensated" in format_text(facts(matched))
+    assert "3 of 3 stations compensated" in format_text(matched)
     assert facts(plain)["exposures"] is None
     # the floor's own pattern has this spread; three gains widen it
     assert _brightness(matched).std(0).max() < _brightness(plain).std(0).max() - 1

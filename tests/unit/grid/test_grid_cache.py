@@ -12,7 +12,7 @@ import pytest
 from cloud_files import surface, write_ply
 
 from pointglass.viewer.commands.convert import convert, convert_each
-from pointglass.viewer.commands.info import describe, format_text
+from pointglass.viewer.commands.info import facts, format_text, scene_of
 from pointglass.viewer.common.errors import Cancelled, InputError
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.grid import cache
@@ -234,7 +234,7 @@ def test_an_unusable_cache_names_the_folder_and_the_remedy(scan, tmp_path, monke
         open_scene(scan)
     assert str(blocked) in str(error.value) and "\n" not in str(error.value)
     assert open_scene(scan, cache=False).count == 3000
-    assert describe([scan])["points"] == 3000
+    assert scene_of([scan]).count == 3000
 
 
 def test_a_full_disk_is_detected_before_writing(scan, store, monkeypatch):
@@ -355,9 +355,10 @@ def test_several_files_make_one_scene(scan, tmp_path):
 
 
 def test_info_can_be_written_as_json_and_as_text(scan):
-    facts = json.loads(json.dumps(describe([scan], full=True), allow_nan=False))
-    assert facts["points"] == 3000 and sum(facts["grid"]["layers"]) == 3000
-    text = format_text(facts)
+    scene = scene_of([scan])
+    found = json.loads(json.dumps(facts(scene, full=True), allow_nan=False))
+    assert found["points"] == 3000 and sum(found["grid"]["layers"]) == 3000
+    text = format_text(scene, full=True)
     assert "3,000" in text and "PLY" in text
 
 

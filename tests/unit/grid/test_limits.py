@@ -8,7 +8,7 @@ from cloud_files import E57Scan, surface, write_e57, write_las
 from format_files import some, write_potree1
 
 import pointglass
-from pointglass.viewer.commands.info import facts, format_text
+from pointglass.viewer.commands.info import format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.preprocess import exposure_compensation, point_colour
 from pointglass.viewer.readers.class_codes import class_codes
@@ -101,7 +101,7 @@ def test_intensities_are_shown_and_handed_out_in_the_scale_of_the_file(tmp_path,
         assert layout.in_file(layout.low) == pytest.approx(values.astype(kind).min(), abs=1e-6)
         assert layout.in_file(layout.high) == pytest.approx(values.astype(kind).max(), rel=1e-6)
         assert layout.as_stored(layout.in_file(1234.0)) == pytest.approx(1234.0)
-        (line,) = [line for line in format_text(facts(scan._open)).splitlines() if line.startswith("intensity")]
+        (line,) = [line for line in format_text(scan._open).splitlines() if line.startswith("intensity")]
         first, last = line.split()[1].replace(",", ""), line.split()[3].replace(",", "")
         assert float(first) == pytest.approx(values.min(), abs=1e-4) and float(last) == pytest.approx(values.max(), rel=1e-4)
         json.dumps(scan.info, allow_nan=False)
@@ -111,5 +111,5 @@ def test_files_with_different_scales_of_intensity_say_so(tmp_path):
     paths = [ply_with(tmp_path / f"{i}.ply", "intensity", np.linspace(-i, 3, 100), "<f4") for i in (1, 2)]
     with pointglass.open(*paths) as scan:
         assert scan._open.attributes.ends is None
-        assert "each file by its own scale" in format_text(facts(scan._open))
+        assert "each file by its own scale" in format_text(scan._open)
         assert sorted(scan.points.intensity)[:2] == [np.float32(-2), np.sort(np.linspace(-2, 3, 100).astype("f4"))[1]]

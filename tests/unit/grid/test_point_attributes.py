@@ -6,7 +6,7 @@ import laspy
 import numpy as np
 import pytest
 
-from pointglass.viewer.commands.info import describe, format_text
+from pointglass.viewer.commands.info import facts, format_text, scene_of
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import attributes_of, packed, scan_numbers, unpack
@@ -83,9 +83,9 @@ def test_the_cache_keeps_attributes_and_info_shows_them(tmp_path, rng, monkeypat
     fresh, cached = open_scene([file]), open_scene([file])
     for one, other in zip(vars(attributes_of(fresh)).values(), vars(attributes_of(cached)).values(), strict=True):
         assert np.array_equal(one, other)
-    info = describe([file])
-    assert info["attributes"]["class"] == {"2": 1234, "6": COUNT - 1234}
-    assert "2: 1,234 points, 6: 3,766 points" in format_text(info) and "intensity" in format_text(info)
+    scene = scene_of([file])
+    assert facts(scene)["attributes"]["class"] == {"2": 1234, "6": COUNT - 1234}
+    assert "2: 1,234 points, 6: 3,766 points" in format_text(scene) and "intensity" in format_text(scene)
 
 
 def test_reading_back_what_was_packed_is_within_half_a_step(rng):

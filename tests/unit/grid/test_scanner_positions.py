@@ -51,7 +51,7 @@ def test_a_merged_file_is_split_into_stations_by_the_order_of_its_points(tmp_pat
     assert (stations_of(scene, xyz) == station).mean() > 0.97
     scans = scene.meta.scans
     assert sum(scan.count for scan in scans) == len(xyz) and all(scan.inferred for scan in scans)
-    told = format_text(facts(scene))
+    told = format_text(scene)
     assert "room, station 2: " in told and "inferred from the order of the points" in told
     assert facts(scene)["stations"] == "weighed"
 

@@ -221,9 +221,10 @@ def test_the_sample_is_bounded_for_any_number_of_points(monkeypatch):
 def test_info_shows_the_noise_and_colours_are_unchanged():
     xyz = walls(100_000)
     rgb = spoiled(textured(xyz), 0.03)
-    info = facts(scene_from_arrays(xyz, rgb))
+    scene = scene_from_arrays(xyz, rgb)
+    info = facts(scene)
     assert 0.02 < info["noise"]["sigma"] < 0.04 and info["noise"]["neighbourhoods"] > 100
-    line = next(line for line in format_text(info).splitlines() if line.startswith("noise"))
+    line = next(line for line in format_text(scene).splitlines() if line.startswith("noise"))
     assert f"{info['noise']['sigma']:.3f} of full brightness a point ({info['noise']['sigma']:.1%})" in line
 
 

@@ -137,8 +137,8 @@ def test_a_merged_scan_is_compensated_on_opening_unless_disabled(tmp_path, seed,
         half = len(xyz) // 2
         files = [write_ply(tmp_path / f"{n}.ply", xyz[s], rgb[s]) for n, s in (("a", slice(half)), ("b", slice(half, None)))]
     matched, plain = (open_scene(files, cache=False, match=match) for match in (True, False))
-    assert facts(matched)["passes"]["applied"] and "exposures of runs" in format_text(facts(matched))
-    assert facts(plain).get("passes") is None and "exposures of runs" not in format_text(facts(plain))
+    assert facts(matched)["passes"]["applied"] and "exposures of runs" in format_text(matched)
+    assert facts(plain).get("passes") is None and "exposures of runs" not in format_text(plain)
     # both scenes have the same points in the same order; true colours are those of the nearest input point
     from scipy.spatial import KDTree
 

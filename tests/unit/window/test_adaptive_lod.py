@@ -1,7 +1,7 @@
 """The pace: how many points are drawn while flying and at rest, so that a session keeps up."""
 
 import pytest
-from window_session import finish, session, stats
+from window_session import finish, frame_cost, session
 
 from pointglass.viewer.picture.settings import Settings
 
@@ -10,14 +10,14 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made, clock = session()
     made.view_settings.show("neural")
     finish(made)
-    made.drew(made.screen.plan, stats(network=900.0))
+    made.drew(made.screen.plan, frame_cost(network=900.0))
     clock.now += 1
     made.flight.held.add("forward")
     made.advance()
     clock.now += 0.1
     made.advance()
     assert made.screen.plan.views == ("filled",)
-    made.drew(made.screen.plan, stats())
+    made.drew(made.screen.plan, frame_cost())
     assert "filled while moving" in made.screen.approximations
     made.flight.held.clear()
     for _ in range(200):
@@ -34,17 +34,17 @@ def test_while_the_window_is_being_resized_the_network_waits():
     made, clock = session()
     made.view_settings.show("neural")
     finish(made)
-    made.drew(made.screen.plan, stats(network=5.0))
+    made.drew(made.screen.plan, frame_cost(network=5.0))
     clock.now += 1
     for width in (650, 660, 670):
         made.resize((width, 400))
         assert made.screen.needs_picture and made.screen.plan.views == ("filled",)
-        made.drew(made.screen.plan, stats())
+        made.drew(made.screen.plan, frame_cost())
         clock.now += 0.1
     assert 0 < made.next_change() < 0.21 and not made.screen.needs_picture  # type: ignore[operator]
     clock.now += 0.25
     assert made.screen.needs_picture and made.screen.plan.views == ("neural",)
-    made.drew(made.screen.plan, stats(network=5.0))
+    made.drew(made.screen.plan, frame_cost(network=5.0))
     assert made.next_change() is None and not made.screen.needs_picture
 
 
@@ -55,7 +55,7 @@ def neural(**costs):
     finish(made)
     for name, milliseconds in costs.items():
         made.picture.adaptive_lod.ran_network(name, milliseconds)
-    made.drew(made.screen.plan, stats())
+    made.drew(made.screen.plan, frame_cost())
     clock.now += 1
     made.flight.held.add("forward")
     return made, clock
@@ -68,7 +68,7 @@ def moved(made, clock, **cost):
     plan = made.screen.plan
     assert plan.moving
     network = {} if plan.network is None else {"network": cost[plan.network]}
-    made.drew(plan, stats(raster=5.0, **network) | {"total_ms": cost["rest"] + sum(network.values())})
+    made.drew(plan, frame_cost(raster=5.0, **network, total_ms=cost["rest"] + sum(network.values())))
     return plan
 
 
@@ -85,7 +85,7 @@ def test_a_smaller_network_flies_where_the_one_asked_for_is_too_slow():
         made.advance()
     plan = made.screen.plan
     assert plan.network == "balanced" and made.screen.needs_picture, "full quality at rest"
-    made.drew(plan, stats(network=50.0))
+    made.drew(plan, frame_cost(network=50.0))
     assert made.screen.smaller_network is None and not made.screen.needs_picture
 
 
@@ -116,7 +116,7 @@ def test_a_resolution_that_was_too_slow_is_tried_again_after_a_while_and_points_
         made.advance()
         plan = made.screen.plan
         scales.append(plan.scale)
-        made.drew(plan, stats(raster=30.0) | {"total_ms": 30.0 + 40.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)})
+        made.drew(plan, frame_cost(raster=30.0, total_ms=30.0 + 40.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)))
     assert scales[:3] == [1.0] * 3 and scales[3] == 0.5, "one slow frame lowers it"
     assert scales[-1] == 0.5, "70 ms at full resolution would miss the target"
     made, clock = neural(balanced=600.0)
@@ -126,7 +126,7 @@ def test_a_resolution_that_was_too_slow_is_tried_again_after_a_while_and_points_
         made.advance()
         plan = made.screen.plan
         scales.append(plan.scale)
-        made.drew(plan, stats(raster=30.0) | {"total_ms": 30.0 + 20.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)})
+        made.drew(plan, frame_cost(raster=30.0, total_ms=30.0 + 20.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)))
     assert scales[-1] == 1.0 and scales.count(0.5) > 30, "50 ms do not: it comes back, but not at once"
 
 
@@ -141,7 +141,7 @@ def test_where_points_take_all_the_time_they_become_fewer_and_the_resolution_sta
         plan = made.screen.plan
         plans.append(plan)
         spent = min(300.0, 20.0 * (plan.level or 1e9))
-        made.drew(plan, stats(raster=spent) | {"total_ms": spent + 1.0, "points_drawn": spent})
+        made.drew(plan, frame_cost(raster=spent, total_ms=spent + 1.0, points_drawn=spent))
     assert {plan.scale for plan in plans} == {1.0} and 20.0 * plans[-1].level <= 66.0
 
 
@@ -153,7 +153,7 @@ def test_own_weights_have_no_smaller_network(tmp_path):
         assert made.view_settings.networks == expected
 
 
-def fly(made, clock, raster, *, frames=40, occlusion=None):
+def fly(made, clock, raster, *, frames=40, hidden=None):
     """Moves for some frames whose raster stage takes ``raster(level)`` milliseconds; returns the levels drawn with."""
     levels = []
     made.flight.held.add("forward")
@@ -163,12 +163,12 @@ def fly(made, clock, raster, *, frames=40, occlusion=None):
         plan = made.screen.plan
         assert plan.moving
         levels.append(plan.level)
-        made.drew(plan, stats(raster=raster(plan.level)) | ({} if occlusion is None else {"occlusion": occlusion}))
+        made.drew(plan, frame_cost(raster=raster(plan.level), hidden=hidden))
     made.flight.held.clear()
     while made.flight.state.moving:
         clock.now += 0.05
         made.advance()
-        made.drew(made.screen.plan, stats(raster=raster(made.screen.plan.level)))
+        made.drew(made.screen.plan, frame_cost(raster=raster(made.screen.plan.level)))
     return levels
 
 
@@ -180,7 +180,7 @@ def rest(made, clock, raster, points=lambda level: level or 1e9):
     while made.screen.needs_picture and len(levels) < 50:
         plan = made.screen.plan
         levels.append(plan.level)
-        made.drew(plan, stats(raster=raster(plan.level)) | {"points_drawn": points(plan.level)})
+        made.drew(plan, frame_cost(raster=raster(plan.level), points_drawn=points(plan.level)))
     assert not made.screen.needs_picture and made.next_change() is None, "at rest nothing is drawn for ever, nor waited for"
     return levels
 
@@ -211,7 +211,7 @@ def test_what_the_host_takes_to_prepare_a_picture_counts_where_the_gpu_is_quicke
         made.advance()
         plan = made.screen.plan
         levels.append(plan.level)
-        made.drew(plan, stats(raster=2.0) | {"host": {"raster": min(400.0, 12.0 * (plan.level or 1e9))}})
+        made.drew(plan, frame_cost(raster=2.0, host={"raster": min(400.0, 12.0 * (plan.level or 1e9))}))
     assert levels[-1] is not None and 12.0 * levels[-1] <= 60.0
 
 
@@ -225,7 +225,7 @@ def test_points_are_not_left_out_where_that_saves_nothing():
         plan = made.screen.plan
         levels.append(plan.level)
         points = int(min(1e6, 1e5 * (plan.level or 1e9)))
-        made.drew(plan, stats(raster=90.0) | {"points_drawn": points})
+        made.drew(plan, frame_cost(raster=90.0, points_drawn=points))
     assert levels[-1] == 16.0 or levels[-1] == 8.0, f"as many points as before anything was gained: {levels}"
 
 
@@ -255,7 +255,7 @@ def test_no_finer_picture_is_asked_for_while_points_are_on_their_way():
     made.advance()
     for points in (1e5, 2e5, 2e5, 5e5):  # the third: nothing has come since
         assert made.screen.plan.level == 1.0
-        made.drew(made.screen.plan, stats(raster=40.0) | {"points_drawn": points, "points_missing": 10})
+        made.drew(made.screen.plan, frame_cost(raster=40.0, points_drawn=points, points_missing=10))
         assert not made.screen.needs_picture
         made.picture.dirty = True  # as whoever hears of more does
     assert rest(made, clock, lambda level: 100.0 * (level or 1e4))[:2] == [1.0, 4.0]
@@ -270,22 +270,22 @@ def test_a_level_of_ones_own_is_never_exceeded():
 
 def test_hidden_cells_are_looked_for_only_where_it_pays_and_never_left_out_at_rest():
     made, clock = session()
-    made.drew(made.screen.plan, stats())
-    fly(made, clock, lambda level: 10.0, frames=5, occlusion={"points_hidden": 9})
+    made.drew(made.screen.plan, frame_cost())
+    fly(made, clock, lambda level: 10.0, frames=5, hidden=9)
     made.flight.held.add("forward")
     assert made.screen.plan.hides
-    made.drew(made.screen.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 9}})
+    made.drew(made.screen.plan, frame_cost(raster=10.0, hidden=9))
     made.flight.held.clear()
     assert made.next_change() is not None
     clock.now += 1.0
     assert made.screen.needs_picture and not made.screen.plan.hides
-    made.drew(made.screen.plan, stats())
+    made.drew(made.screen.plan, frame_cost())
     clock.now += 1.0
     made.flight.held.add("forward")
     for hides in (True, False):  # the first frame of a flight knows of nothing that hides
         clock.now += 0.05
         made.advance()
-        made.drew(made.screen.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 0}})
+        made.drew(made.screen.plan, frame_cost(raster=10.0, hidden=0))
         assert made.screen.plan.hides == hides
     fly(made, clock, lambda level: 10.0, frames=100)
     made.flight.held.add("forward")

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window_session import session, stats
+from window_session import frame_cost, session
 
 from pointglass.viewer.picture.clip import Box
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
@@ -65,8 +65,8 @@ def made():
     found.work.edit("all", clips=(Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), name="Box"),),
                     measurements=(Measurement("distance", tuple(MeasuredPoint(p, 0.01, 0.001) for p in places), "Distance"),))
     found.advance()
-    told = stats(raster=2.0) | {"points_total": 4_000, "opengl": "software", "device": "cpu", "bridge": "none"}
-    found.drew(found.screen.plan, told)
+    spent = frame_cost(raster=2.0, facts={"points_total": 4_000, "device": "cpu", "bridge": "none"})
+    found.drew(found.screen.plan, spent)
     found.notices.of_scan = [ScanNotice("a notice", KeepAsScanned())]
     found.notices.toast("a toast")
     found.view_settings.compare(True)

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from window_session import session
+from window_session import frame_cost, session
 
 from pointglass.viewer.commands.film.command import read_path
 from pointglass.viewer.picture.camera import look_at
@@ -209,8 +209,7 @@ def test_frame_times_become_a_plot(tmp_path):
     times, rng = FrameTimes(), np.random.default_rng(3)
     for number in range(40):
         stages = {"cull": 1.0, "raster": float(rng.uniform(5, 9)), "filter": 2.0}
-        times.add(number * 0.03, {"total_ms": sum(stages.values()), "stages": stages, "points_drawn": 1, "cells_drawn": 1,
-                                  "raster": "compute", "network": None}, (64, 48), ("filtered",))  # fmt: skip
+        times.add(number * 0.03, frame_cost(total_ms=sum(stages.values()), **stages), (64, 48), ("filtered",))
     image = np.asarray(Image.open(io.BytesIO(times.plot())).convert("RGB"))
     assert image.shape[0] > 400 and len(np.unique(image.reshape(-1, 3), axis=0)) > 10
 

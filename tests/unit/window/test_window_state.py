@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
-from window_session import FEW, finish, room, session, stats
+from window_session import FEW, finish, frame_cost, room, session
 
 from pointglass.viewer.common.errors import InputError, Option
 from pointglass.viewer.common.progress import progress
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def test_a_still_session_needs_one_picture():
     made, clock = session()
     assert made.screen.needs_picture
-    made.drew(made.screen.plan, stats())
+    made.drew(made.screen.plan, frame_cost())
     clock.now += 5
     assert not made.advance() and not made.screen.needs_picture and made.next_change() is None
     made.flight.held.add("forward")
@@ -235,7 +235,7 @@ def test_a_cancelled_load_leaves_the_scene():
 
 def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
     made, _ = session()
-    made.drew(made.screen.plan, stats())
+    made.drew(made.screen.plan, frame_cost())
     made.view_settings.request(replace(made.view_settings.settings, raster="points"))
     made.failed("no")
     assert made.view_settings.settings.raster == "auto" and made.screen.needs_picture
@@ -290,7 +290,7 @@ def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
     assert not list(tmp_path.iterdir())
     save_actions.record()
     assert made.recording is not None
-    made.recording.add(1.0, stats(raster=1.0), (64, 48), ("raw",))
+    made.recording.add(1.0, frame_cost(raster=1.0), (64, 48), ("raw",))
     path = save_actions.record()
     assert path is not None and made.notices.toasts[-1].text == f"Saved 1 frame to {path}"
     assert not [toast for toast in made.notices.toasts if "F9 stops" in toast.text]
@@ -299,7 +299,7 @@ def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
 def test_recording_has_a_row_a_frame(tmp_path):
     times = FrameTimes()
     for number in range(3):
-        times.add(10 + number / 10, stats(cull=0.5, raster=2.0), (64, 48), ("raw",))
+        times.add(10 + number / 10, frame_cost(cull=0.5, raster=2.0), (64, 48), ("raw",))
     (tmp_path / "t.csv").write_bytes(times.csv())
     rows = list(csv.DictReader((tmp_path / "t.csv").open()))
     assert [row["interval_ms"] for row in rows] == ["", "100.000", "100.000"]
@@ -318,7 +318,7 @@ def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_
     assert made.screen.approximations[:1] == ["coarse"], "of the picture on the screen, whatever it cost"
     clock.now += 100
     for plan in plans:
-        made.learn(plan, stats(raster=3.0))
+        made.learn(plan, frame_cost(raster=3.0))
     (tmp_path / "times.csv").write_bytes(made.recording.csv())
     rows = list(csv.DictReader((tmp_path / "times.csv").open()))
     assert [row["width"] for row in rows] == ["640", "650", "660"]
@@ -330,9 +330,9 @@ def test_after_a_failure_nothing_is_owed():
     plan = made.screen.plan
     made.shown(plan, hides=False, approximations=())
     made.failed("no memory")
-    made.learn(plan, stats(raster=3.0))  # whoever tells it all the same is heard
-    made.drew(plan, stats(raster=3.0))
-    assert (made.picture.stats or {})["stages"] == {"raster": 3.0}
+    made.learn(plan, frame_cost(raster=3.0))  # whoever tells it all the same is heard
+    made.drew(plan, frame_cost(raster=3.0))
+    assert made.picture.cost is not None and made.picture.cost.stages == {"raster": 3.0}
 
 
 def test_every_key_does_one_thing():

@@ -5,7 +5,7 @@ import typing
 
 import numpy as np
 import pytest
-from window_session import session, stats
+from window_session import frame_cost, session
 
 from pointglass.viewer.picture.clip import Box, Slab
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
@@ -61,7 +61,7 @@ def drawn():
     made, clock = session()
     clock.now += 1.0
     made.advance()
-    made.drew(made.screen.full_plan, stats())
+    made.drew(made.screen.full_plan, frame_cost())
     made.picture.adaptive_lod.keep_up = False
     assert not made.screen.needs_picture
     return made
@@ -77,7 +77,7 @@ def test_every_edit_is_a_field_of_the_document_and_draws_a_new_picture(name):
     made.work.edit("change", **{name: value})
     assert made.screen.needs_picture and getattr(made.spec.edits, name) == value
     made.advance()
-    made.drew(made.screen.full_plan, stats())
+    made.drew(made.screen.full_plan, frame_cost())
     assert not made.screen.needs_picture
     made.work.undo()
     assert made.screen.needs_picture, "undo draws as well"
@@ -92,7 +92,7 @@ def test_every_field_of_a_clip_and_of_the_look_draws_a_new_picture(part):
         for value in (part, changed):
             made.work.edit("change", **({"look": value} if isinstance(part, Look) else {"clips": (value,)}))
             if value is part:
-                made.drew(made.screen.full_plan, stats())
+                made.drew(made.screen.full_plan, frame_cost())
                 assert not made.screen.needs_picture
         assert made.screen.needs_picture, name
 

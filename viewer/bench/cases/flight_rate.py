@@ -60,7 +60,7 @@ def run_flight(subject: Subject, size: tuple[int, int], settings: Settings, fram
         with progress(len(VIEWS) * frames, "flying", "frame") as meter:
             views = {view: _fly(app, view, cameras, lambda: meter.update(1)) for view in VIEWS}
         target = app.session.picture.adaptive_lod.target_ms
-        network = (app.session.picture.stats or {}).get("network")
+        network = app.session.picture.cost and app.session.picture.cost.facts.network
     finally:
         app.close()
     return {**facts, "size": list(size), "frames": frames, "target_ms": target, "quality": settings.quality, "network": network,
@@ -140,11 +140,11 @@ def _fly(app: "App", view: str, cameras: Sequence["Camera"], done) -> dict:
 def _frame_facts(app: "App") -> dict:
     """Facts of the displayed picture: internal resolution, points per pixel (None: all), view, network, and the renderer's
     time."""
-    made, stats = app.session.picture.made, app.session.picture.stats or {}
+    made, cost = app.session.picture.made, app.session.picture.cost
     assert made is not None
     view = made.views[-1]
-    return {"resolution": made.scale, "points_per_pixel": made.level, "points": stats.get("points_drawn"), "view": view,
-            "network": stats.get("network") if view == "neural" else None, "render_ms": stats.get("total_ms")}
+    return {"resolution": made.scale, "points_per_pixel": made.level, "points": cost and cost.points_drawn, "view": view,
+            "network": cost.facts.network if cost and view == "neural" else None, "render_ms": cost and cost.total_ms}
 
 
 def _on_screen(app: "App") -> np.ndarray:

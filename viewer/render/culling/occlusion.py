@@ -34,6 +34,15 @@ if TYPE_CHECKING:
     from ...picture.settings import Settings
     from .cull import DrawList
 
+
+@dataclass(frozen=True)
+class HiddenCount:
+    """What a frame did not draw because it was hidden."""
+
+    cells_hidden: int
+    points_hidden: int
+
+
 LAG = {True: 1, False: 2}
 """Frames back of the visibility that a frame uses, in software OpenGL, which is done with a frame when it is submitted, and on
 a GPU."""
@@ -170,7 +179,7 @@ class HiddenCells:
         self._ring = make_ring(context, lag + 2)
         self._words = np.zeros(0, np.uint32)
         self._visible = self._pages = self._serial = 0
-        self._tallies: dict[int, dict] = {}  # of the last frames, once this is released
+        self._tallies: dict[int, HiddenCount] = {}  # of the last frames, once this is released
 
     def begin(self) -> int:
         """A new frame; returns its number.  Until it has ended there are no flags of it."""
@@ -247,14 +256,14 @@ class HiddenCells:
         """The number of the frame begun last."""
         return self._serial
 
-    def tally(self, serial: int) -> dict:
-        """cells_hidden and points_hidden of one of the last frames; waits for the GPU where it is not done with it."""
+    def tally(self, serial: int) -> HiddenCount:
+        """What was hidden in one of the last frames; waits for the GPU where it is not done with it."""
         if serial in self._tallies:
             return self._tallies[serial]
         words = self._ring.read(serial)
         if words is None:  # no cell was in view
-            return {"cells_hidden": 0, "points_hidden": 0}
-        return {"cells_hidden": int(words[-2]), "points_hidden": int(words[-1])}
+            return HiddenCount(0, 0)
+        return HiddenCount(int(words[-2]), int(words[-1]))
 
     def release(self) -> None:
         """Frees the buffers.  The tallies of the last frames stay."""

@@ -19,15 +19,15 @@ _LOST_BOX = 112.0, 44.0
 
 def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
     """Top left of the picture (F3).  fps: frames per second while something moves, None at rest."""
-    stats, px, area = session.picture.stats, style.px, session.area.layout.picture
-    if session.scene is None or stats is None or not session.profiler:
+    cost, px, area = session.picture.cost, style.px, session.area.layout.picture
+    if session.scene is None or cost is None or not session.profiler:
         return
     imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
     imgui.begin("profiler", None, PASSIVE)
     imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(session.visit.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
-    total = sum(stats["stages"].values()) if stats["stages"] else stats["total_ms"]
+    total = sum(cost.stages.values()) if cost.stages else cost.total_ms
     rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"
     imgui.push_font(style.regular, theme.SMALL)
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
@@ -36,7 +36,7 @@ def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
         imgui.table_setup_column("", 0, px(84))
         imgui.table_setup_column("", 0, bar)
         imgui.table_setup_column("", 0, px(74))
-        for name, milliseconds in stats["stages"].items():
+        for name, milliseconds in cost.stages.items():
             imgui.table_next_row()
             imgui.table_next_column()
             text_in(theme.DIM, name)
@@ -58,15 +58,16 @@ def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
         _right(f"{total:.1f} ms")
         imgui.end_table()
     imgui.dummy(ImVec2(0, px(1)))
+    facts = cost.facts
     rows = [
-        ("points", drawn_text(stats["points_drawn"], stats["points_total"], fewer=session.document.drops)),
-        ("raster", f"{stats['raster']} on {_short(stats['opengl'])}"),
+        ("points", drawn_text(cost.points_drawn, facts.points_total, fewer=session.document.drops)),
+        ("raster", f"{facts.raster} on {_short(facts.opengl)}"),
         ("size", f"{session.area.size[0]} × {session.area.size[1]}"),
         ("speed", session.speed_text),
     ]
-    if stats["network"]:
-        rows.insert(2, ("network", stats["network"].split(" ")[0]))
-        rows.insert(3, ("device", f"{stats['device']}, {stats['bridge']}"))
+    if facts.network:
+        rows.insert(2, ("network", facts.network.split(" ")[0]))
+        rows.insert(3, ("device", f"{facts.device}, {facts.bridge}"))
     if imgui.begin_table("facts", 2, flags):
         imgui.table_setup_column("", 0, px(84))
         for name, value in rows:

@@ -54,7 +54,7 @@ class _Column:
 
 def _columns(session: Session, fps: float | None) -> list[_Column]:
     meta = session.facts
-    stats = session.picture.stats or {}
+    cost = session.picture.cost
     approximations = session.screen.approximations
     if session.picture.pending is not None or (session.screen.refining and not session.flight.moving):
         state = "refining…"
@@ -63,7 +63,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
     else:
         state = "exact" if session.screen.exact and not approximations else "at rest"
     rough = ", approximate" if approximations and state != "refining…" else ""
-    drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
+    drawn, total = (0, 0) if cost is None else (cost.points_drawn, cost.facts.points_total)
     rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     return [

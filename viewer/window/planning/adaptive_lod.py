@@ -11,7 +11,7 @@ time, measured along the fixed path of three scans at 1280x720 (PSNR to the full
 A network at a lower resolution is hardly closer than the filled view, which takes a third of its time; 75 % is no closer than
 50 %.  At rest: four times the points, again and again, until nothing is left out or the next step would take too long; then the
 network runs, once.
-Nothing here knows a clock or a window; it learns from ``Frame.stats``.  Levels of detail: points per pixel, None draws every
+Nothing here knows a clock or a window; it learns from ``Frame.cost``.  Levels of detail: points per pixel, None draws every
 point.  Networks: keys of model.network.qualities.QUALITIES.
 """
 
@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from math import log2
 
 from ....model.network.qualities import QUALITIES
+from ...render.frame import FrameCost
 
 TARGET_GPU_MS, TARGET_CPU_MS = 33.0, 66.0
 """Milliseconds a frame may take while the camera moves: 30 and 15 frames per second."""
@@ -135,38 +136,38 @@ class AdaptiveLod:
         """Learns how long the interface and the screen take beside a picture, where they share its processors."""
         self._outside += OUTSIDE_WEIGHT * (min(milliseconds, self.target_ms / 2) - self._outside)
 
-    def drew(self, level: float | None, stats: dict, *, moving: bool, network: str | None = None) -> None:
+    def drew(self, level: float | None, cost: FrameCost, *, moving: bool, network: str | None = None) -> None:
         """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose.  network:
         that of its neural view, None without one."""
-        stages = stats["stages"]
+        stages = cost.stages
         if network is not None and "network" in stages:
             self.ran_network(network, stages["network"])
-        spent = stages.get("cull", 0.0) + max(stages.get("raster", 0.0), stats["host"].get("raster", 0.0))
+        spent = stages.get("cull", 0.0) + max(stages.get("raster", 0.0), cost.host.get("raster", 0.0))
         if moving:
-            self._drew_moving(level, spent, stats, network is not None)
+            self._drew_moving(level, spent, cost, network is not None)
             return
         self._looked = 0
-        if level == self._rest and not stats.get("points_missing"):  # points still arriving would be drawn again and again
-            self._drew_at_rest(spent, stats["points_drawn"])
+        if level == self._rest and not cost.facts.points_missing:  # points still arriving would be drawn again and again
+            self._drew_at_rest(spent, cost.points_drawn)
 
-    def _drew_moving(self, level: float | None, spent: float, stats: dict, neural: bool) -> None:
+    def _drew_moving(self, level: float | None, spent: float, cost: FrameCost, neural: bool) -> None:
         self._no_network, self._no_scale, self._no_all, self._stay = (
             max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._stay)
         )
-        total, whole = max(stats["total_ms"], spent), self.target_ms - self._outside
+        total, whole = max(cost.total_ms, spent), self.target_ms - self._outside
         if neural and total > _SLOWER * whole:
             self._no_network = _PATIENCE
         elif not self._fit_resolution(total, spent):
             target = max(POINTS_SHARE * whole, whole - (total - spent))  # the raw view has no other stages
-            self._fit_points(level, spent, target, stats["points_drawn"])
+            self._fit_points(level, spent, target, cost.points_drawn)
         if self._stay == 0:
             self._floor = COARSEST
         self.jump()
         self._idle = max(0, self._idle - 1)
-        self._looked = self._looked + 1 if "occlusion" in stats else 0
-        if self._looked > 1:  # the first frame has no history
-            hidden = stats["occlusion"]["points_hidden"]
-            if hidden < LEAST_HIDDEN * (hidden + stats["points_drawn"]):
+        self._looked = 0 if cost.hidden is None else self._looked + 1
+        if cost.hidden is not None and self._looked > 1:  # the first frame has no history
+            hidden = cost.hidden.points_hidden
+            if hidden < LEAST_HIDDEN * (hidden + cost.points_drawn):
                 self._idle, self._looked = _PATIENCE, 0
 
     def _fit_resolution(self, total: float, spent: float) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ...picture.spec import PictureSpec
+from ...render.frame import FrameCost
 from .adaptive_lod import AdaptiveLod
 
 
@@ -32,7 +33,7 @@ class RefinementState:
     """dirty: whether it must be made again.  made: how it was made, None where there is none.  spec: the description that was
     drawn, None before the first.  pending: the plan whose network is still running, or whose points are still arriving; None
     otherwise.
-    approximations: what of the picture is not exact.  stats: its cost, or that of the one before, as ``Frame.stats``.
+    approximations: what of the picture is not exact.  cost: of it, or of the one before.
     adaptive_lod: what a picture may leave out.  contended: whether a network runs on the processors that draw."""
 
     def __init__(self) -> None:
@@ -42,13 +43,13 @@ class RefinementState:
         self.made: Plan | None = None
         self.spec: PictureSpec | None = None
         self.pending: Plan | None = None
-        self.stats: dict | None = None
+        self.cost: FrameCost | None = None
         self.approximations: Sequence[str] = ()
 
     def begin(self, points: int) -> None:
         """A scene of so many points is shown now, and there is no picture of it yet."""
         self.adaptive_lod.begin(points)
-        self.dirty, self.made, self.pending, self.stats, self.approximations = True, None, None, None, ()
+        self.dirty, self.made, self.pending, self.cost, self.approximations = True, None, None, None, ()
         self.spec = None
 
     def renew(self) -> None:
@@ -84,16 +85,16 @@ class RefinementState:
         self.made = replace(plan, hides=hides, views=shown or plan.views)
         self.pending = plan if pending else None
 
-    def completed(self, approximations: Sequence[str], stats: dict) -> None:
+    def completed(self, cost: FrameCost) -> None:
         """The network of the pending picture has ended and its view is on the screen."""
         assert self.pending is not None
         self.made, self.pending = self.pending, None
-        self.approximations, self.stats = approximations, stats
+        self.approximations, self.cost = cost.facts.approximations, cost
         if self.made.network is not None:
-            self.adaptive_lod.ran_network(self.made.network, stats["stages"]["network"])
+            self.adaptive_lod.ran_network(self.made.network, cost.stages["network"])
 
-    def learn(self, plan: Plan, stats: dict) -> None:
-        """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
-        self.stats = stats
+    def learn(self, plan: Plan, cost: FrameCost) -> None:
+        """What a picture cost that was made as planned."""
+        self.cost = cost
         if not (plan.moving and plan.contended):  # it says nothing of pictures that have the processors to themselves
-            self.adaptive_lod.drew(plan.level, stats, moving=plan.moving, network=plan.network)
+            self.adaptive_lod.drew(plan.level, cost, moving=plan.moving, network=plan.network)

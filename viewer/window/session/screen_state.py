@@ -46,7 +46,7 @@ class ScreenState:
         made, full = self._picture.made, self.full_plan
         return (made is not None and not self.refining and not made.hides
                 and (made.views, made.level, made.scale, made.network) == (full.views, full.level, full.scale, full.network)
-                and not (self._picture.stats or {}).get("points_missing"))
+                and not (self._picture.cost is not None and self._picture.cost.facts.points_missing))
 
     @property
     def refining(self) -> bool:

@@ -25,6 +25,7 @@ from ...picture.camera import Camera
 from ...picture.settings import Settings
 from ...picture.spec import PictureSpec
 from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
+from ...render.frame import FrameCost
 from ...work.document import Document, Viewpoint
 from ..flight.flight import Flight
 from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
@@ -123,10 +124,10 @@ class Session:
             edits = replace(edits, ghosts="shown")
         return PictureSpec(self.camera, chosen.settings, chosen.sides, edits, work.tint, chosen.background, chosen.split_at)
 
-    def drew(self, plan: Plan, stats: dict) -> None:
-        """A picture was made as planned; ``stats`` as ``Frame.stats``."""
-        self.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"])
-        self.learn(plan, stats)
+    def drew(self, plan: Plan, cost: FrameCost) -> None:
+        """A picture was made as planned."""
+        self.shown(plan, hides=cost.hidden is not None, approximations=cost.facts.approximations)
+        self.learn(plan, cost)
 
     def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
               pending: bool = False) -> None:
@@ -140,19 +141,19 @@ class Session:
             self.loads.preview_shown()
         self._shown_at.append((self._clock(), self.area.size))
 
-    def learn(self, plan: Plan, stats: dict) -> None:
-        """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
-        self.picture.learn(plan, stats)
+    def learn(self, plan: Plan, cost: FrameCost) -> None:
+        """What a picture cost that was made as planned."""
+        self.picture.learn(plan, cost)
         now, size = self._shown_at.popleft() if self._shown_at else (self._clock(), self.area.size)
         if self.recording is not None:
-            self.recording.add(now, stats, size, plan.views)
+            self.recording.add(now, cost, size, plan.views)
 
-    def completed(self, approximations: Sequence[str], stats: dict) -> None:
+    def completed(self, cost: FrameCost) -> None:
         """The network of the last picture has run and its view is on the screen."""
         plan = self.picture.pending
-        self.picture.completed(approximations, stats)
+        self.picture.completed(cost)
         if self.recording is not None and plan is not None:
-            self.recording.add(self._clock(), stats, self.area.size, plan.views)
+            self.recording.add(self._clock(), cost, self.area.size, plan.views)
 
     def failed(self, problem: Problem) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""

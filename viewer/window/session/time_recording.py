@@ -5,6 +5,8 @@ import io
 
 import numpy as np
 
+from ...render.frame import FrameCost
+
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")
 """Columns of the recording, milliseconds; a stage that a view does not need stays empty."""
 _COLUMNS = (
@@ -24,18 +26,18 @@ class FrameTimes:
     def __len__(self) -> int:
         return len(self._rows)
 
-    def add(self, now: float, stats: dict, size: tuple[int, int], views: tuple[str, ...]) -> None:
-        """One frame.  now: seconds on any steady clock.  stats: as ``Frame.stats``.  size: pixels."""
+    def add(self, now: float, cost: FrameCost, size: tuple[int, int], views: tuple[str, ...]) -> None:
+        """One frame.  now: seconds on any steady clock.  size: pixels."""
         first = self._start is None
         start = self._start = now if self._start is None else self._start
         row = {
             "frame": len(self._rows), "seconds": f"{now - start:.6f}",
-            "interval_ms": "" if first else f"{(now - self._last) * 1e3:.3f}", "total_ms": f"{stats['total_ms']:.3f}",
-            "points_drawn": stats["points_drawn"], "cells_drawn": stats["cells_drawn"],
-            "width": size[0], "height": size[1], "views": "+".join(views), "raster": stats["raster"],
-            "network": stats["network"] or "",
+            "interval_ms": "" if first else f"{(now - self._last) * 1e3:.3f}", "total_ms": f"{cost.total_ms:.3f}",
+            "points_drawn": cost.points_drawn, "cells_drawn": cost.facts.cells_drawn,
+            "width": size[0], "height": size[1], "views": "+".join(views), "raster": cost.facts.raster,
+            "network": cost.facts.network or "",
         }  # fmt: skip
-        row |= {f"{stage}_ms": f"{stats['stages'][stage]:.3f}" for stage in STAGES if stage in stats["stages"]}
+        row |= {f"{stage}_ms": f"{cost.stages[stage]:.3f}" for stage in STAGES if stage in cost.stages}
         self._rows.append(row)
         self._last = now
 

@@ -270,8 +270,8 @@ class App:
             self.viewport.paint()
             painted = perf_counter()
             self._settle = max(self._settle, 2)  # in the second frame tools begin to read the picture
-            stats = session.picture.stats
-            if stats is not None and stats["total_ms"] > _LONG:
+            cost = session.picture.cost
+            if cost is not None and cost.total_ms > _LONG:
                 draw_interface(self, shown=False)
         elif not session.flight.moving:
             self.viewport.settle()

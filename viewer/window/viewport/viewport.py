@@ -216,8 +216,7 @@ class Viewport:
             self._session.failed(error)
             return True
         self._shown = plan.views
-        stats = frame.stats
-        self._session.completed(stats["approximations"], stats)
+        self._session.completed(frame.cost)
         return True
 
     def _report(self, plan: "Plan", frame: "Frame") -> None:
@@ -229,19 +228,19 @@ class Viewport:
             self._session.shown(plan, hides=facts.occlusion is not None, approximations=facts.approximations)
             self._unreported = plan, frame
             return
-        stats, pending = frame.stats, frame.facts.network_pending is not None
-        if not pending:
-            self._session.drew(plan, stats)
+        cost, facts = frame.cost, frame.facts
+        if facts.network_pending is None:
+            self._session.drew(plan, cost)
             return
-        self._session.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"],
+        self._session.shown(plan, hides=facts.occlusion is not None, approximations=facts.approximations,
                             shown=self._shown, pending=True)
-        self._session.learn(plan, stats)
+        self._session.learn(plan, cost)
 
     def settle(self) -> None:
         """Reports the cost of the last picture of a movement."""
         before, self._unreported = self._unreported, None
         if before is not None:
-            self._session.learn(before[0], before[1].stats)
+            self._session.learn(before[0], before[1].cost)
 
     @property
     def frame_rate(self) -> float | None:
