@@ -47,13 +47,18 @@ def _open_scans(folder: Path) -> None:
 
     from .commands.demo import demo_scan
     from .grid.open_scene import open_scene
+    from .work.places.small_picture import score
     from .work.places.standing_place import sample_scene, surroundings
+    from .work.places.start_view import view_sample
 
     text = folder / "points.xyz"
     rng = np.random.default_rng(0)
     np.savetxt(text, np.c_[rng.uniform(0, 4, (5000, 3)), rng.integers(0, 256, (5000, 3))], fmt="%.4f %.4f %.4f %d %d %d")
     open_scene(text, cache=False)
-    surroundings(sample_scene(open_scene(demo_scan())), np.zeros(3))
+    demo = open_scene(demo_scan())
+    seen = sample_scene(demo)
+    surroundings(seen, np.zeros(3))
+    score(view_sample(demo, seen, np.eye(3)), np.zeros(3), np.array([1.0, 0.0, 0.0]), 1.0)
 
 
 def _draw_and_point() -> None:

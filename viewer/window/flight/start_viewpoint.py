@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...picture.camera import Camera, from_fov
-from ...work.places.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
+from ...work.places.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene
+from ...work.places.start_view import standing_view
 from ...work.places.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from ...work.scan_files import main_place
 from ..kit.notices import Brighten, CallUp, ScanNotice
@@ -100,7 +101,7 @@ def far_apart(seen: Survey) -> ScanNotice | None:
 
 
 def state_of(view: tuple[np.ndarray, np.ndarray] | None, seen: Survey, aspect: float, up: Sequence[float]) -> FlyState:
-    """The same from what :func:`viewer.work.places.standing_place.standing_view` found."""
+    """The same from what :func:`viewer.work.places.start_view.standing_view` found."""
     upright = upright_axes(up)
     if view is not None:
         walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))

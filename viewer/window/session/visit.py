@@ -11,7 +11,8 @@ from ...common.text import printable
 from ...picture.camera import Camera
 from ...preprocess.scan_description import WarningTopic
 from ...work.document import Document, Viewpoint
-from ...work.places.standing_place import standing_view, viewpoint_worth
+from ...work.places.standing_place import viewpoint_worth
+from ...work.places.start_view import standing_view
 from ...work.places.up_axis import turned, upright_axes
 from ...work.project import project_beside
 from ...work.scan_files import FilePart, sample_of_file

@@ -12,7 +12,6 @@ import numpy as np
 
 from ....model.common.process.processors import each
 from .surroundings_kernel import add_surroundings
-from .up_axis import turned
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -108,21 +107,6 @@ def sample_scene(scene: "Scene") -> SceneSample:
     return SceneSample(points, level, low, high, spacing, 1.0 / metres if metres else 1.0, diagonal, brightness)
 
 
-def standing_view(scene: "Scene", seen: Sampled, upright: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray] | None:
-    """(3,) position and (3,) direction, nearly level: at a scanner, otherwise at eye height where most was measured, where the
-    scan surrounds that place.
-
-    upright: (3, 3) as in viewer.work.places.up_axis, where another direction than +z is up.
-    None for a scan that nobody can stand in.
-    """
-    upright = np.eye(3) if upright is None else upright
-    scanner, level = scanner_position(scene, seen), turned(seen, upright)
-    for place in (None if scanner is None else scanner @ upright, standing_place(level)):
-        if place is not None and enclosure(level, place) >= ENCLOSED:
-            return upright @ place, upright @ best_direction(level, place)
-    return None
-
-
 def view_axes(direction: np.ndarray) -> np.ndarray:
     """(3, 3) float64, columns right, up and back (OpenGL camera axes) of a view along ``direction`` (3,), not zero.
 
@@ -148,16 +132,17 @@ def overview_position(seen: Sampled, aspect: float, direction: np.ndarray) -> np
     return centre + distance * axes[:, 2]
 
 
-def scanner_position(scene: "Scene", seen: Sampled) -> np.ndarray | None:
-    """The position of the scan with most points, where the file gives one that lies in the scene."""
+def scanner_positions(scene: "Scene", seen: Sampled) -> np.ndarray:
+    """(s, 3) positions of scanners that lie in the scene, where the file gives them, that with most points first."""
     scans = [scan for scan in scene.meta.scans if scan.position is not None]
     slack = 0.25 * (seen.high - seen.low) + seen.metre
+    found = []
     for scan in sorted(scans, key=lambda scan: -scan.count):
         position = np.asarray(scan.position, np.float64)
         inside = (position > seen.low - slack) & (position < seen.high + slack)
         if inside.all():
-            return position
-    return None
+            found.append(position)
+    return np.array(found).reshape(-1, 3)
 
 
 def standing_place(seen: Sampled) -> np.ndarray | None:
@@ -262,10 +247,15 @@ def view_worth(near: Surroundings, metre: float) -> np.ndarray:
     worth = np.where(held, worth, 0.0).sum(axis=1)
     spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
     seen_there = sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(AZIMUTHS))
+    return seen_there * way_ahead(near, metre)
+
+
+def way_ahead(near: Surroundings, metre: float) -> np.ndarray:
+    """(AZIMUTHS,) 0 to 1: distance that one can walk along azimuths from -pi to pi, relative to the usual one there."""
     usual = float(np.median(near.free))  # inf in the open
     if not np.isfinite(usual):
         usual = 2.0 * float(np.max(near.free, where=np.isfinite(near.free), initial=metre))
-    return seen_there * np.minimum(near.free / usual, 1.0)
+    return np.minimum(near.free / usual, 1.0)
 
 
 def place_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
@@ -276,8 +266,12 @@ def place_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
 
 def viewpoint_worth(seen: Sampled, position: np.ndarray, direction: np.ndarray) -> float:
     """The :func:`place_worth` of a view along ``direction`` (3,) from ``position`` (3,); upright world."""
-    azimuth = int((np.arctan2(direction[1], direction[0]) / (2 * np.pi) + 0.5) * AZIMUTHS) % AZIMUTHS
-    return float(place_worth(seen, position)[azimuth])
+    return float(place_worth(seen, position)[azimuth_of(direction)])
+
+
+def azimuth_of(direction: np.ndarray) -> int:
+    """Number, below AZIMUTHS, of the azimuth of ``direction`` (3,)."""
+    return int((np.arctan2(direction[1], direction[0]) / (2 * np.pi) + 0.5) * AZIMUTHS) % AZIMUTHS
 
 
 def best_direction(seen: Sampled, position: np.ndarray) -> np.ndarray:

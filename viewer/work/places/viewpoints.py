@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...picture.camera import Camera, from_fov, look_at
-from .standing_place import FIELD_OF_VIEW, OUTSIDE_DIRECTION, overview_position, sample_scene, standing_view, view_axes
+from .standing_place import FIELD_OF_VIEW, OUTSIDE_DIRECTION, overview_position, sample_scene, view_axes
+from .start_view import standing_view
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene

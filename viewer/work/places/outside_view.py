@@ -1,0 +1,88 @@
+"""Views from outside: the whole scan in the picture, upright, from the side that shows most.
+
+Statues and machines, in which nobody can stand, and terrain are framed entire.  Frame: the upright world, +z up, file units.
+Works on a uniform subsample of the points.
+"""
+
+import numpy as np
+
+from .standing_place import FIELD_OF_VIEW, Sampled, overview_position, view_axes
+
+_OUTSIDE = 16  # azimuths from which a scan is looked at from outside
+_PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
+_FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
+_MARGIN = 0.86  # share of the picture that a framed scan may take
+_FEW = 8_000  # points that decide on a view from outside
+
+View = tuple[np.ndarray, np.ndarray]
+"""(3,) position and (3,) direction of a view."""
+
+
+def inner_points(seen: Sampled) -> np.ndarray:
+    """(n, 3): a few thousand of the points that lie in the scan's range."""
+    inside = np.flatnonzero(((seen.points >= seen.low) & (seen.points <= seen.high)).all(axis=1))
+    return seen.points[inside[:: max(1, len(inside) // _FEW)]]
+
+
+def framed_position(seen: Sampled, aspect: float, direction: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+    """(3,) position from which, along ``direction`` (3,), the points themselves, and not their box, fill the picture.
+
+    points: :func:`inner_points`, where they are known.
+    """
+    points = inner_points(seen) if points is None else points
+    if len(points) < 8:
+        return overview_position(seen, aspect, direction)
+    axes = view_axes(direction)
+    right, up, back = ((points - (seen.low + seen.high) / 2) @ axes).T
+    tall = _MARGIN * np.tan(np.radians(FIELD_OF_VIEW) / 2)
+    x = y = 0.0
+    distance = 0.0
+    for _ in range(8):  # the middle of what is seen depends on the distance, which depends on the middle
+        distance = max((np.abs(right - x) / (tall * aspect) + back).max(), (np.abs(up - y) / tall + back).max())
+        distance = max(float(distance), float(back.max()) + 20 * seen.spacing)
+        depth = distance - back
+        across, high = (right - x) / depth, (up - y) / depth
+        middle = float(np.median(depth))
+        x += 0.5 * middle * float(across.max() + across.min()) / 2
+        y += 0.5 * middle * float(high.max() + high.min()) / 2
+    distance = max((np.abs(right - x) / (tall * aspect) + back).max(), (np.abs(up - y) / tall + back).max())
+    distance = max(float(distance), float(back.max()) + 20 * seen.spacing)
+    return (seen.low + seen.high) / 2 + axes @ np.array([x, y, distance])
+
+
+def outside_view(seen: Sampled, aspect: float) -> View:
+    """Position and direction: the whole scan, from the side from which most of it is seen and lit."""
+    extent = seen.high - seen.low
+    flat = extent[2] < _FLAT * max(float(extent[:2].max()), 1e-300)
+    best: tuple[float, View | None] = (-1.0, None)
+    points = inner_points(seen)
+    for pitch in _PITCHES["tile" if flat else "object"]:
+        for number in range(_OUTSIDE):
+            yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
+            direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
+            view = framed_position(seen, aspect, direction, points), direction
+            value = _visible(seen, view, aspect)
+            if value > best[0] + 1e-9:
+                best = value, view
+    assert best[1] is not None
+    return best[1]
+
+
+def _visible(seen: Sampled, view: View, aspect: float) -> float:
+    """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
+    picture that they cover."""
+    some = slice(None, None, max(1, len(seen.points) // _FEW))
+    points, lit = seen.points[some], (seen.level > 0)[some]
+    looked = (points - view[0]) @ view_axes(view[1])
+    depth, tall = -looked[:, 2], np.tan(np.radians(FIELD_OF_VIEW) / 2)
+    rows, columns = 45, round(45 * aspect)
+    near = np.maximum(depth, 1e-9)
+    column = np.clip((looked[:, 0] / (near * tall * aspect) + 1) / 2 * columns, -1, columns).astype(int)
+    row = np.clip((1 - looked[:, 1] / (near * tall)) / 2 * rows, -1, rows).astype(int)
+    ahead = (depth > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    at = row[ahead] * columns + column[ahead]
+    nearest = np.full(rows * columns, np.inf)
+    np.minimum.at(nearest, at, depth[ahead])
+    reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
+    front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
+    return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5
