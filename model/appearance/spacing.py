@@ -22,6 +22,8 @@ def median_spacing(xyz: np.ndarray, *, samples: int = 4096, seed: int = 0) -> fl
         return extent or 1.0
     rng = np.random.default_rng(seed)
     pick = rng.choice(len(xyz), min(samples, len(xyz)), replace=False)
-    distance, _ = KDTree(xyz).query(xyz[pick], NEIGHBOURS + 1, workers=-1)
+    # few queries: the tree is not worth its balance, and the distances are the same
+    tree = KDTree(xyz, balanced_tree=False, compact_nodes=False)
+    distance, _ = tree.query(xyz[pick], NEIGHBOURS + 1, workers=-1)
     positive = distance[:, -1][distance[:, -1] > 0]
     return float(np.median(positive) * np.sqrt(np.pi / NEIGHBOURS)) if len(positive) else 1.0
