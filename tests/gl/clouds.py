@@ -6,7 +6,7 @@ from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 
 
-def room(seed: int, points: int = 60_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
+def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
     """A box seen from inside with a few boxes in it: surfaces, so that the filter has something to decide."""
     rng = np.random.default_rng(seed)
     parts = []
@@ -42,8 +42,10 @@ def before_slats(seed: int, size=(320, 240), scale: float = 1.0) -> Camera:
     return from_fov(*size, 55.0, look_at(eye, np.array([4.0, 0.0, 0.0]) * scale), name=f"slats{seed}")
 
 
-def camera_in(scene, seed: int, size=(320, 240), fov: float | None = None) -> Camera:
-    """A camera at a random place inside the scene's bounds, looking anywhere."""
+def camera_in(scene, seed: int, size=(256, 100), fov: float | None = None) -> Camera:
+    """A camera at a random place inside the scene's bounds, looking anywhere.
+
+    size: 256 pixels along a side, so that the hole test looks at two distances (model.reference.hole_constants.strides)."""
     rng = np.random.default_rng(seed)
     low, high = scene.bounds
     eye, target = rng.uniform(low, high, (2, 3))

@@ -30,6 +30,8 @@ from pointglass.viewer.render.renderer import RASTERISERS, Renderer
 SEED = 7
 SIZE, POINTS = (96, 72), 10_000
 """Of the pictures that other drivers make: softpipe interprets every instruction."""
+FEW = (POINTS, ((160, 120), (33, 21), (7, 3)))
+"""Points and sizes for ``pictures`` where every program has to run, no more: the first is for the directions of holes."""
 VIEWS = ("raw", "filtered", "filled")
 
 
@@ -47,12 +49,14 @@ def edited_pictures(renderer, camera) -> list[bytes]:
     return made
 
 
-def pictures(context) -> list[bytes]:
-    """By each pass there is: both rasterisers, with and without stations, every filter, fill, network, hidden cells."""
+def pictures(context, points: int = 60_000, sizes=((160, 120), (97, 61), (7, 3))) -> list[bytes]:
+    """By each pass there is: both rasterisers, with and without stations, every filter, fill, network, hidden cells.
+
+    points: of each scene, enough for hidden cells (viewer.render.culling.occlusion.WORTH) in the second of the sizes."""
     out = []
     for make, kind in product((room, scanned), RASTERISERS):
-        scene = make(SEED)
-        camera, small, least = (camera_in(scene, SEED, size) for size in ((160, 120), (97, 61), (7, 3)))
+        scene = make(SEED, points=points)
+        camera, small, least = (camera_in(scene, SEED, size) for size in sizes)
         renderer = Renderer(context, scene, raster=kind, device="cpu")
         for preset in FILTERS:
             views = (*VIEWS, "neural") if preset == "auto" else VIEWS
@@ -64,7 +68,7 @@ def pictures(context) -> list[bytes]:
             frame = renderer.render(small, Settings(), ("filled",), history)
             assert (frame.facts.occlusion is not None) == (kind == "compute")
             out.append(frame.image("filled").tobytes())
-        away = from_fov(97, 61, 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
+        away = from_fov(*sizes[1], 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
         out += [renderer.render(other, Settings(), VIEWS).image("filled").tobytes() for other in (least, away)]
         out += edited_pictures(renderer, small)
         renderer.release()
@@ -87,9 +91,9 @@ def sources(context, monkeypatch) -> dict[str, str]:
         return text, files
 
     monkeypatch.setattr(shader, "source", noted)
-    pictures(context)
+    pictures(context, *FEW)
     look_like_a_gpu(monkeypatch)
-    pictures(context)
+    pictures(context, *FEW)
     programs, bridge = shader.Programs(context), ReadBackBridge(context, (8, 8))
     assert works(programs, bridge) and compute_works(context)
     canvas = Canvas(context, programs, (8, 8))

@@ -15,7 +15,7 @@ from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanS
 pytestmark = pytest.mark.gl
 
 
-def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 60_000):
+def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 24_000):
     """The room of the other tests, each point one station's, by chance; nobody knows where those of ``unknown`` stood."""
     rng = np.random.default_rng(seed)
     xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
