@@ -72,6 +72,17 @@ def files(tmp_path):
     return made
 
 
+def test_a_file_has_one_identity_through_any_parent_folder(tmp_path, files):
+    """Projects name scans beside and above themselves; through a link to a folder, ``..`` is what the system makes of it."""
+    (tmp_path / "projects" / "deep").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "projects" / "deep")
+    path = tmp_path / "scan.xyz"
+    path.write_text("0 0 0\n")
+    for other in (tmp_path / "projects" / ".." / "scan.xyz", tmp_path / "link" / ".." / ".." / "scan.xyz"):
+        assert point_records.identity_of(other) == point_records.identity_of(path)
+    assert point_records.identity_of(path)[0] == str(path)
+
+
 def test_a_grid_on_disk_leads_back_to_file_and_record(files):
     built, stored = open_scene.open_scene(files, cache=False), open_scene.open_scene(files)
     assert built.records is not None and stored.records is not None

@@ -93,6 +93,17 @@ def test_a_distance_is_measured_between_two_clicks_and_undone(context):
     assert context.document.measurements == (made,)
 
 
+def test_the_point_that_was_set_last_is_not_set_again(context):
+    """A hand that trembles, or a pointer that a slow machine has left behind, makes no distance of 0 m."""
+    tool = Measure()
+    for _ in range(2):
+        click(tool, context, (1.0, 5.0, 1.0))
+    assert len(tool.points) == 1 and context.document.measurements == () and "set before" in context.toasts[-1]
+    click(tool, context, (3.0, 5.0, 2.0))
+    (made,) = context.document.measurements
+    assert evaluate(made).value == pytest.approx(np.sqrt(5), abs=0.01)
+
+
 def test_an_area_ends_with_enter_and_points_are_taken_back(context):
     tool = Measure()
     tool.kind = "area"

@@ -130,9 +130,12 @@ def sum_of(low: np.ndarray, high: np.ndarray | None, chunk: int) -> int:
 
 
 def identity_of(file: Path) -> tuple[str, int, int]:
-    """(path, bytes, time of the last change in ns): what tells whether a file is still the one that was read."""
-    stat = file.stat()
-    return str(file.absolute()), stat.st_size, stat.st_mtime_ns
+    """(path, bytes, time of the last change in ns): what tells whether a file is still the one that was read.  A path through a
+    parent folder, as projects have them, is the same as one without."""
+    stat, path = file.stat(), file.absolute()
+    if ".." in path.parts:
+        path = path.parent.resolve() / path.name
+    return str(path), stat.st_size, stat.st_mtime_ns
 
 
 def allocated(allocate: Callable[..., np.ndarray], count: int, running: int, sources: int) -> PointRecords:

@@ -102,6 +102,9 @@ class Measure(Tool):
             context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
+        if self.points and self.points[-1].position in (picked.position, taken.position):
+            context.toast("This is the point that was set before: click another one")
+            return False
         if taken.note is not None:
             context.toast(taken.note)
         self.points.append(measured_point(context, taken))
