@@ -4,10 +4,9 @@ Three metrics of each picture, at the visible withheld points:
 
 * PSNR over points and channels; the mean over views has equal weights.
 * The same in gaps: at pixels without a point that the depth filter keeps.
-* Slope: the regression of true on shown local contrast, that is colour minus the Gaussian mean of the withheld points around
-it.
-  1: contrast is right; below: the picture has too much of it (noise of its input); above: the picture is blurred.  The noise of
-  the withheld points does not bias the slope, as it is independent of the picture.
+* Slope: the regression of true on shown local contrast, that is colour minus the Gaussian mean of the withheld points
+  around it.  1: contrast is right; below: the picture has too much of it (noise of its input); above: the picture is blurred.
+  The noise of the withheld points does not bias the slope, as it is independent of the picture.
 
 That noise limits PSNR: even a perfect picture does not exceed it.  Compare pictures of one scan with these metrics, not scans.
 """
@@ -17,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import torch
 from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
@@ -126,6 +126,16 @@ class Viewpoint:
     station: int | None = None
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What was made of a viewpoint: its withheld points; by method the pictures (3, H, W) of the first density; and the
+    measured pixels of these, (H, W) bool."""
+
+    wanted: Targets
+    pictures: dict[str, Tensor]
+    measured: Tensor
+
+
 @dataclass
 class Withheld:
     """Evaluates methods on a scan, view by view.
@@ -145,11 +155,8 @@ class Withheld:
     share: float = HELD_OUT
     found: dict[tuple[str, str, float], list[PointErrors]] = field(default_factory=dict)
 
-    def judge(self, viewpoint: Viewpoint) -> tuple[Targets, dict[str, Tensor]]:
-        """Adds the errors of one viewpoint to ``found``.
-
-        Returns its withheld points, and by method the pictures (3, H, W) of the first density.
-        """
+    def judge(self, viewpoint: Viewpoint) -> Judged:
+        """Adds the errors of one viewpoint to ``found``."""
         seen = project_scan(self.scan, viewpoint.picture, self.seed)
         if viewpoint.station is None:
             what, held, left = "points", seen.rank >= 1.0 - self.share, 1.0 - self.share
@@ -159,9 +166,12 @@ class Withheld:
         wanted = targets(seen, held, soft_z(self.spacing, unlit=self.unlit)).some(MOST_JUDGED, self.seed)
         noise = self._noise(wanted)
         shown: dict[str, Tensor] = {}
+        measured = torch.zeros(0)
         for density in self.densities:
             view = self._sight(seen, held, left, density, random=viewpoint.station is None)
             gap = ~view.mask(OURS)
+            if density == self.densities[0]:
+                measured = ~gap
             for method in self.methods:
                 picture = method.picture(view)
                 if density == self.densities[0]:
@@ -169,7 +179,7 @@ class Withheld:
                 if len(wanted.index):
                     errors = point_errors(picture, wanted, gap, noise)
                     self.found.setdefault((what, method.name, density), []).append(errors)
-        return wanted, shown
+        return Judged(wanted, shown, measured)
 
     def _sight(self, seen: Projected, held: Tensor, left: float, density: float, *, random: bool) -> ViewPoints:
         """Input of the methods: a share ``density`` of the points that are not withheld, which are a share ``left`` of all.

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 from e57_photo_files import room_points
+from format_files import Points, write_ept, write_potree1, write_potree2
 from PIL import Image
 
 from pointglass.model.data.dataset import MergedScan
+from pointglass.model.evaluation.labelled import GAP
 from pointglass.model.network.weights_folder import weights_dir
 from pointglass.viewer.cli import main
 from pointglass.viewer.commands.heldout import evaluate_scan as command
 from pointglass.viewer.commands.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
+from pointglass.viewer.picture.background import PLAIN
 
 FAST = str(weights_dir() / "fast-filtered.safetensors")
 
@@ -41,6 +44,37 @@ def test_a_scan_is_judged_by_its_own_points(scan, tmp_path, capsys):
     assert rows["filled", 1.0]["psnr"] > rows["filled", 0.3]["psnr"]
     with Image.open(tmp_path / "r.png") as sheet:
         assert sheet.width > 3 * 80 and sheet.height > 3 * 60
+
+
+def test_the_sheet_shows_the_background_where_the_window_does(tmp_path, monkeypatch, capsys):
+    """A ball on nothing is seen before the window's background, and not before colours that were filled in around it; a room is
+    filled, to the last pixel."""
+    monkeypatch.setattr(command, "SIZE", (160, 120))
+    rng = np.random.default_rng(2)
+    around = rng.normal(size=(60_000, 3))
+    ball = around / np.linalg.norm(around, axis=1, keepdims=True)
+    given = {"ball": (ball, np.tile(np.uint8([220, 90, 40]), (len(ball), 1))), "room": room_points(60_000)}
+    share = {}
+    for name, (xyz, rgb) in given.items():
+        scan, sheet = write_ply(tmp_path / f"{name}.ply", xyz, rgb), tmp_path / f"{name}.png"
+        assert main(["evaluate", str(scan), "--views", "2", "--densities", "1", "--weights", FAST, "--plot", str(sheet)]) == 0
+        picture = np.asarray(Image.open(sheet).convert("RGB"))[:60, GAP:GAP + 80].astype(int)  # the first filled picture
+        share[name] = (np.abs(picture - PLAIN).max(axis=2) <= 1).mean()
+        if name == "ball":
+            orange = np.abs(picture - (220, 90, 40)).max(axis=2) < 60
+            assert orange.mean() > 0.05 and share[name] + orange.mean() > 0.85  # but for a soft outline
+    assert share["ball"] > 0.3 and share["room"] == 0.0
+
+
+@pytest.mark.parametrize("form", ["potree1", "potree2", "ept"])
+def test_a_folder_of_an_octree_is_a_scan(form, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(command, "SIZE", (160, 120))
+    xyz, rgb = room_points(20_000)
+    write = {"potree1": write_potree1, "potree2": write_potree2, "ept": write_ept}[form]
+    none = np.zeros(len(xyz))
+    write(tmp_path / "tree", Points(np.rint(xyz * 4096) / 4096, rgb, none.astype(np.uint16), none.astype(np.uint8)))
+    assert main(["evaluate", str(tmp_path / "tree"), "--views", "1", "--densities", "1", "--weights", FAST]) == 0
+    assert "10 % of them withheld" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("options, said", [

@@ -134,7 +134,7 @@ def test_pictures_are_made_without_the_withheld_points():
         return view_points.raster.colour / 255
 
     work = Withheld(scan, SPACING, [Method("look", look, None)], (1.0, 0.2))
-    wanted, _ = work.judge(Viewpoint("wall", camera()))
+    wanted = work.judge(Viewpoint("wall", camera())).wanted
     counts = [len(seen.point) for seen in shown]
     assert all(not np.isin(seen.point.numpy(), wanted.point.numpy()).any() for seen in shown)
     assert counts == pytest.approx([0.9 * 60_000, 0.18 * 60_000], rel=0.03)
@@ -152,7 +152,7 @@ def test_a_withheld_station_is_evaluated_at_its_points_only():
         return view_points.raster.colour / 255
 
     work = Withheld(scan, SPACING, [Method("look", look, None)], (1.0,))
-    wanted, _ = work.judge(Viewpoint("station-2", camera(), station=1))
+    wanted = work.judge(Viewpoint("station-2", camera(), station=1)).wanted
     assert (scan.station[wanted.point.numpy()] == 1).all() and len(wanted.point) > 0.9 * station.sum()
     assert (shown[0].station == 0).all() and len(shown[0].point) == (station == 0).sum()
     assert work.rows()[0]["withheld"] == "station 2"

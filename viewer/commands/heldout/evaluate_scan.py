@@ -14,9 +14,8 @@ from ...common.progress import progress
 from ...common.text import counted
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from ....model.evaluation.heldout import Viewpoint, Withheld
+    from .sheet_background import SheetBackground
 
 FILLED = "filled"
 """Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
@@ -90,6 +89,7 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     from ...grid.open_scene import open_scene
     from .judged_viewpoints import judged_viewpoints, station_viewpoints
     from .scan_points import points_of
+    from .sheet_background import SheetBackground
 
     names = {"raw": "raw", WEIGHTED: FILLED}
     methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
@@ -99,10 +99,11 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=scene.noise)
     viewpoints = judged_viewpoints(scene, size, views)
     stations = station_viewpoints(scan, size)
+    background = SheetBackground(scene) if sheet else None
     rows = []
     with progress(len(viewpoints) + len(stations), "evaluating", " views") as meter:
         for viewpoint in (*viewpoints, *stations):
-            row = _judged(work, viewpoint, sheet)
+            row = _judged(work, viewpoint, background)
             if row is not None:
                 rows.append(row)
             meter.update(1)
@@ -114,24 +115,29 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
             **made_with(weights, work.seed), "rows": work.rows()}, rows
 
 
-def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray | None:
-    """Evaluates a viewpoint.  Returns its row of the sheet; None without a sheet or visible withheld points."""
-    wanted, shown = work.judge(viewpoint)
-    if not sheet or not len(wanted.index):
+def _judged(work: "Withheld", viewpoint: "Viewpoint", background: "SheetBackground | None") -> np.ndarray | None:
+    """Evaluates a viewpoint.  Returns its row of the sheet; None without one (background: None) or visible withheld points."""
+    found = work.judge(viewpoint)
+    wanted, shown = found.wanted, found.pictures
+    if background is None or not len(wanted.index):
         return None
     from ....model.evaluation.heldout import nearer
     from ....model.evaluation.labelled import labelled_row
 
     neural = next((name for name in shown if name.startswith("network ")), FILLED)
-    pictures = [_halved(shown[FILLED]), _halved(shown[neural]), nearer(shown[FILLED], shown[neural], wanted)[::2, ::2]]
+    opacity = background.opacity(viewpoint.picture, found.measured)
+    seen = [_halved(background.behind(shown[name], opacity)) for name in (FILLED, neural)]
+    pictures = [*seen, nearer(shown[FILLED], shown[neural], wanted)[::2, ::2]]
     labels = [f"{viewpoint.name}: filled", neural, "closer to the withheld points: neural blue, filled orange"]
     return labelled_row(pictures, labels)
 
 
-def _halved(picture: "Tensor") -> np.ndarray:
-    """(3, H, W) in 0..1 -> (H / 2, W / 2, 3) uint8, by averaging."""
+def _halved(picture: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 -> (H / 2, W / 2, 3) uint8, by averaging."""
+    import torch
     import torch.nn.functional as F
 
     from ....model.evaluation.labelled import picture_bytes
 
-    return picture_bytes(F.avg_pool2d(picture[None], 2, ceil_mode=True)[0])
+    planes = torch.from_numpy(picture).permute(2, 0, 1)[None] / 255
+    return picture_bytes(F.avg_pool2d(planes, 2, ceil_mode=True)[0])
