@@ -42,7 +42,7 @@ def main() -> None:
 
         d.resize(*SIZE)
         session.open([demo_scan()], demo_camera())
-        d.until(lambda: session.loads.current is None and session.scene is not None and not session.visit.preview, 120.0)
+        d.until(lambda: session.loads.current is None and session.scene is not None and not session.shown_scan.preview, 120.0)
         d.rest()
         d.key("I")
         d.click(*middle(d, 0.12, 0.1))

@@ -58,7 +58,7 @@ def typed(d: Driver, text: str) -> None:
 def check_a_reference_system_is_chosen_by_its_code_and_by_its_name(d: Driver) -> None:
     d.resize(1280, 720)
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.visit.preview)
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.shown_scan.preview)
     d.rest()
     items = Items(d)
     d.app.toolbox.select("scene", d.app.tools)
@@ -174,7 +174,7 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
 def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     d.resize(1280, 720)
     d.drop(Path("passer1"))
-    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and d.session.visit.title == "passer1")
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and d.session.shown_scan.title == "passer1")
     d.rest()
     d.key("P")
     items, plain = Items(d), d.session.scene
@@ -194,7 +194,7 @@ def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     assert (d.bare() == pictures["shown"]).all()
     d.key("ESCAPE")
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
+    d.until(lambda: d.session.loads.current is None and d.session.shown_scan.title == "room7")
     d.resize(*SIZE)
     d.rest()
 
@@ -210,7 +210,7 @@ def check_a_closed_scan_is_freed(d: Driver) -> None:
 
     d.resize(1280, 720)
     d.drop(Path("passer2"))
-    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "passer2")
+    d.until(lambda: d.session.loads.current is None and d.session.shown_scan.title == "passer2")
     d.rest()
     section = next(tool for tool in d.app.toolbox.tools if tool.name == "section")
     for key in ("I", "T", "N", "C", "P", "M", "K", "B"):
@@ -235,7 +235,7 @@ def check_a_closed_scan_is_freed(d: Driver) -> None:
     holders = [type(one).__name__ for scene in (plain(), marked()) if scene is not None for one in gc.get_referrers(scene)]
     assert not left, f"{left} kept by {holders}"
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
+    d.until(lambda: d.session.loads.current is None and d.session.shown_scan.title == "room7")
     d.resize(*SIZE)
     d.rest()
 
@@ -244,7 +244,7 @@ def check_one_of_two_files_is_hidden_and_shown(d: Driver) -> None:
     """Files without scanner positions are in the list, too."""
     d.resize(1280, 720)
     d.drop(Path("pair1"))
-    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "left.laz and 1 more")
+    d.until(lambda: d.session.loads.current is None and d.session.shown_scan.title == "left.laz and 1 more")
     d.rest()
     d.key("P")
     both, items = d.bare(), Items(d)
@@ -257,7 +257,7 @@ def check_one_of_two_files_is_hidden_and_shown(d: Driver) -> None:
     assert d.session.document.hidden_stations == ()
     d.key("ESCAPE")
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
+    d.until(lambda: d.session.loads.current is None and d.session.shown_scan.title == "room7")
     d.resize(*SIZE)
     d.rest()
 

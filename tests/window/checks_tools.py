@@ -30,7 +30,7 @@ def on_a_wall(position) -> bool:
 def check_inspect_shows_a_measured_point(d: Driver) -> None:
     d.resize(*SIZE)
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.visit.preview)
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.shown_scan.preview)
     d.key("3")
     d.rest()
     d.key("I")

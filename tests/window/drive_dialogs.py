@@ -75,7 +75,8 @@ class Person:
 
     def opened(self, title: str) -> None:
         session = self.d.session
-        self.d.until(lambda: session.loads.current is None and session.scene is not None and session.visit.title == title, 90.0)
+        self.d.until(lambda: session.loads.current is None and session.scene is not None
+                     and session.shown_scan.title == title, 90.0)
         self.d.settle()
 
 

@@ -88,7 +88,7 @@ class Driver:
         self.session.loads.open_scene = self._open
         self.app.projects.leave = lambda then: then()  # unsaved work is given up; test_unsaved_work.py has the questions
         self.app.projects.may_replace = lambda loaded: True
-        self.app.last_view = lambda paths: None  # every visit begins at the start viewpoint
+        self.app.last_view = lambda paths: None  # every scan begins at its start viewpoint
 
     def _open(self, paths):
         from pointglass.viewer.common.progress import progress
@@ -135,7 +135,8 @@ class Driver:
         self.settle()
         if scan is not None:
             self.drop(self.folder / scan)
-            self.until(lambda: session.loads.current is None and session.scene is not None and not session.visit.preview, 120.0)
+            self.until(lambda: session.loads.current is None and session.scene is not None
+                       and not session.shown_scan.preview, 120.0)
             self.key("HOME")
             self.rest()
 

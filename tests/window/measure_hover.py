@@ -17,7 +17,7 @@ def main(folder: Path) -> None:
     d = Driver(folder)
     d.resize(1280, 720)
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.visit.preview)
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.shown_scan.preview)
     d.rest()
     reader, spent = d.app.viewport.pixels, []
     usual, follow = reader.read, UnderPointer.follow

@@ -266,7 +266,7 @@ def main(folder: Path, count: int, seed: int) -> None:
         d.rest()
         for name in ("room2", "room3", "passer1"):  # the start page then has all pictures of recent scans that it may have
             d.drop(Path(name))
-            d.until(lambda name=name: d.session.loads.current is None and d.session.visit.title == name, LONGEST)
+            d.until(lambda name=name: d.session.loads.current is None and d.session.shown_scan.title == name, LONGEST)
             d.rest()
         monkey.rest()
         for _ in range(INTERVALS):

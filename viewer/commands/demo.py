@@ -27,7 +27,7 @@ def demo_scan() -> Path:
 
 
 def demo_camera() -> "Camera":
-    """The first of the shipped cameras, where a visit to the demo begins."""
+    """The first of the shipped cameras, the start viewpoint of the demo."""
     from ..work.cameras.camera_files import read_cameras
 
     return read_cameras(assets_dir() / "demo_cameras.json")[0]

@@ -27,7 +27,7 @@ class NoActions:
 def snapshot(made) -> dict:
     """The public fields of a session and its parts: numbers, texts, records and arrays by value, other objects by identity."""
     parts = {"session": made, **{name: getattr(made, name) for name in (
-        "area", "notices", "loads", "flight", "visit", "picture", "view_settings", "work")},
+        "area", "notices", "loads", "flight", "shown_scan", "picture", "view_settings", "work")},
         "panels": made.area.panels, "adaptive_lod": made.picture.adaptive_lod}  # fmt: skip
 
     def value(found):

@@ -1,4 +1,4 @@
-"""Flying, and where a visit starts, without a window."""
+"""Flying, and start viewpoints, without a window."""
 
 import numpy as np
 import pytest

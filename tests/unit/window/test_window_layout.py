@@ -60,7 +60,7 @@ def test_recent_scans_are_the_latest_first_each_once_and_keep_their_thumbnail(tm
     kept = recent_scans()
     assert len(kept) == MOST and kept[0].title == "again" and kept[1].title == files[-1].name
     shown = load_thumbnail(kept[0])
-    assert shown is not None and shown.shape == (200, 320, 3), "the thumbnail of the first visit"
+    assert shown is not None and shown.shape == (200, 320, 3), "the thumbnail of the first start"
     pictures = {path.name for path in (tmp_path / "state").glob("*.png")}
     assert pictures == {scan.thumbnail.name for scan in kept}, "those of forgotten scans are gone"
     assert not list((tmp_path / "state").glob("*.partial")) and kept[0].missing.startswith(str(files[5]))

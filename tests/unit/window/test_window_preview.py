@@ -29,7 +29,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     while loaded is None:
         loaded = made.poll()
     made.accept(loaded)
-    assert made.scene is shown and made.visit.preview and made.loads.current is work
+    assert made.scene is shown and made.shown_scan.preview and made.loads.current is work
     made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
     camera = made.camera
     gate.set()
@@ -37,7 +37,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     loaded = made.poll()
     assert loaded is not None
     made.accept(loaded)
-    assert not made.visit.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
+    assert not made.shown_scan.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
     assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
 
 
@@ -77,5 +77,5 @@ def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
         loaded = made.poll()
     made.accept(loaded)
     made.escape()
-    assert made.visit.preview and made.scene is loaded.scene and work is not None and work.join(10)
+    assert made.shown_scan.preview and made.scene is loaded.scene and work is not None and work.join(10)
     assert [notice.offer for notice in made.notices.of_scan] == [LoadAllPoints()]

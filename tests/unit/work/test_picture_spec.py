@@ -72,7 +72,7 @@ def test_every_edit_is_a_field_of_the_document_and_draws_a_new_picture(name):
     made = drawn()
     if name == "ghosts":  # passers-by are shown until they are marked
         assert made.scene is not None
-        made.visit.scene = dataclasses.replace(made.scene, marked=object())
+        made.shown_scan.scene = dataclasses.replace(made.scene, marked=object())
     value = other(made.document.edits, name)
     made.work.edit("change", **{name: value})
     assert made.screen.needs_picture and getattr(made.spec.edits, name) == value

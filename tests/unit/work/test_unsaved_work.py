@@ -122,7 +122,7 @@ def test_other_marks_keep_the_document_also_after_a_project_that_could_not_be_lo
     window.flow.save()
     window.edit(measurements=(TAPE,))
     window.session.work.begin([tmp_path / "room.pointglass"])  # its load was cancelled
-    window.session.accept(window.session.visit.variant(SCENE))
+    window.session.accept(window.session.shown_scan.variant(SCENE))
     assert window.session.document.measurements == (TAPE,)
 
 

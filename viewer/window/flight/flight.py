@@ -30,7 +30,7 @@ _WAYS = {"forward", "back", "left", "right", "up", "down"}
 class Flight:
     """One camera through one scene after another; before the first there is nowhere to fly.
 
-    state: position, direction, speed.  field_of_view: vertical, degrees.  home: where the visit began.
+    state: position, direction, speed.  field_of_view: vertical, degrees.  home: the start viewpoint.
     held: actions of the keys held down.
     looking: whether the mouse turns the camera.  push: what the gamepad asks for.
     walker: the person who walks on the floor, None while flying.
@@ -61,7 +61,7 @@ class Flight:
         return made[3]
 
     def begin(self, state: FlyState, seen: Survey) -> None:
-        """Visits another scene, from ``state`` on, with the usual field of view."""
+        """Shows another scene, from ``state`` on, with the usual field of view."""
         self.field_of_view = FIELD_OF_VIEW
         self._seen, self.state, self.home = seen, state, state
         self._glide = self.walker = None
@@ -73,7 +73,7 @@ class Flight:
 
     @property
     def at_home(self) -> bool:
-        """Whether the camera is where the visit began."""
+        """Whether the camera is at the start viewpoint."""
         return _place(self.state) == _place(self.home)
 
     @property
@@ -219,7 +219,7 @@ class Flight:
         return True
 
     def go_home(self) -> None:
-        """Back to where the visit began, at the speed and with the field of view it began with."""
+        """Back to the start viewpoint, at the speed and with the field of view it began with."""
         self.field_of_view = FIELD_OF_VIEW
         self.state = self.home
         self.go(self.home)

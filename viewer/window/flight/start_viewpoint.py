@@ -111,6 +111,6 @@ def state_of(view: tuple[np.ndarray, np.ndarray] | None, seen: Survey, aspect: f
 
 
 def start_camera(scene: "Scene", width: int, height: int) -> Camera:
-    """The camera a visit to ``scene`` begins with, width and height in pixels."""
+    """The start viewpoint of ``scene``, width and height in pixels."""
     state = start_state(scene, survey(scene), width / height)
     return from_fov(width, height, FIELD_OF_VIEW, state.camera_to_world)

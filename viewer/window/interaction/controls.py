@@ -46,7 +46,7 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("CTRL_WHEEL",), "Ctrl+wheel", "zoom", "move toward it, or away", "mouse"),
         Control(("DOUBLE_CLICK",), "Double click", "fly_to", "fly there and face the surface; any key stops", "mouse"),
         Control(("G",), "G", "walk", "walk on the floor, or fly again"),
-        Control(("HOME",), "Home", "home", "back to where the visit began"),
+        Control(("HOME",), "Home", "home", "back to the start viewpoint"),
         Control(("F",), "F", "frame", "see the whole scene from here"),
     ),
     "See": (

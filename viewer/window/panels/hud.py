@@ -25,7 +25,7 @@ def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
     imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
     imgui.begin("profiler", None, PASSIVE)
     imgui.push_font(style.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(fitted(session.visit.title, px(_TITLE_WIDTH)))
+    imgui.text_unformatted(fitted(session.shown_scan.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
     total = sum(cost.stages.values()) if cost.stages else cost.total_ms
     rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"

@@ -102,7 +102,7 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
     rows.append(("spacing", f"{scene.spacing:.3g}"))
     facts(rows, style, "scan facts")
     imgui.pop_font()
-    if session.visit.preview and session.loads.current is not None:
+    if session.shown_scan.preview and session.loads.current is not None:
         small("Preview; all points follow.", style, theme.WARN)
 
 

@@ -86,7 +86,7 @@ class ProjectFlow:
     def name(self) -> str:
         """Of the project, else of the scan."""
         project = self._session.work.project
-        return printable(project.name if project is not None else self._session.visit.title)
+        return printable(project.name if project is not None else self._session.shown_scan.title)
 
     @property
     def title(self) -> str:
@@ -198,9 +198,9 @@ class ProjectFlow:
     def remember(self, picture: np.ndarray | None) -> None:
         """Puts what is open among the recent scans: the project, or the scans.  picture: as for session.recent."""
         session = self._session
-        visit, project = session.visit, session.work.project
-        if session.scene is not None and visit.paths and not visit.preview:
-            paths = list(visit.paths) if project is None else [project]
+        shown, project = session.shown_scan, session.work.project
+        if session.scene is not None and shown.paths and not shown.preview:
+            paths = list(shown.paths) if project is None else [project]
             remember(paths, self.name, session.scene.count, picture, Viewpoint.of(session.camera, "last view"))
 
     # -- leaving -----------------------------------------------------------------------------------------------------

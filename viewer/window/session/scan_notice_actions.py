@@ -14,14 +14,14 @@ def act_on_notice(session: "Session", offer: Offer) -> None:
     """Does what a ScanNotice offers."""
     match offer:
         case KeepAsScanned():
-            session.loads.open(session.visit.paths, as_scanned=True)
+            session.loads.open(session.shown_scan.paths, as_scanned=True)
         case LoadAllPoints():
-            session.loads.open(session.visit.paths)
-        case Brighten() if (exposure := session.visit.exposure) is not None:
+            session.loads.open(session.shown_scan.paths)
+        case Brighten() if (exposure := session.shown_scan.exposure) is not None:
             session.work.edit("Brighten the dark scan", look=replace(session.document.look, exposure=exposure))
         case OpenProject(file):
             session.open([file])
         case CallUp(axis) if session.scene is not None:
             session.work.edit(f"Up axis {axis}", up=UP_AXES[axis])
-            session.visit.turn_up(UP_AXES[axis], session.area.aspect)
+            session.shown_scan.turn_up(UP_AXES[axis], session.area.aspect)
             session.picture.renew()

@@ -7,15 +7,16 @@ from ..flight.flight import Flight
 from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
 from ..planning.window_area import WindowArea
-from .visit import SceneVisit
+from .shown_scan import ShownScan
 
 
 class ScreenState:
     """Answers from the parts of a session; it has no state of its own.  spec: the picture that is asked for."""
 
-    def __init__(self, picture: RefinementState, view_settings: ViewSettings, flight: Flight, visit: SceneVisit,
+    def __init__(self, picture: RefinementState, view_settings: ViewSettings, flight: Flight, shown_scan: ShownScan,
                  area: WindowArea, spec: Callable[[], PictureSpec]):
-        self._picture, self._view_settings, self._flight, self._visit, self._area = picture, view_settings, flight, visit, area
+        self._picture, self._view_settings, self._flight = picture, view_settings, flight
+        self._shown_scan, self._area = shown_scan, area
         self._spec = spec
 
     @property
@@ -35,7 +36,7 @@ class ScreenState:
     @property
     def needs_picture(self) -> bool:
         """Whether the picture on the screen is not the one to be shown."""
-        if self._visit.scene is None or not self._area.visible:
+        if self._shown_scan.scene is None or not self._area.visible:
             return False
         picture = self._picture
         return picture.dirty or picture.lacks(self.plan) or not self._spec().renders_as(picture.spec)
@@ -51,7 +52,7 @@ class ScreenState:
     @property
     def refining(self) -> bool:
         """Whether a better picture than that on the screen will follow by itself."""
-        if self._visit.scene is None or not self._area.visible:
+        if self._shown_scan.scene is None or not self._area.visible:
             return False
         coming = self._picture.pending is not None or self.drawn != self._view_settings.sides
         return coming or self._flight.moving or self.needs_picture

@@ -5,7 +5,7 @@ changed.  It owns no GL object: the viewport uploads a loaded scene and then cal
 directly; what concerns several of them is here:
 
     flight (where the camera is)   view_settings (settings, comparison)   picture (what is on the screen, what may be left out)
-    screen (that against what was asked for)   visit (the scene shown)   loads (scans on their way)
+    screen (that against what was asked for)   shown_scan   loads (scans on their way)
     area (where the picture lies)   notices (messages)   work (the document and its history)
 
 Frame: file coordinates; up is the direction that the document calls up.  The clock counts seconds; any steady one will do.
@@ -36,8 +36,8 @@ from ..planning.window_area import WindowArea
 from . import loading
 from .recovery import Recoverable
 from .screen_state import ScreenState
+from .shown_scan import ShownScan
 from .time_recording import FrameTimes
-from .visit import SceneVisit
 from .work import DocumentState
 
 if TYPE_CHECKING:
@@ -74,10 +74,10 @@ class Session:
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake, preview_scene)
         self.flight = Flight(clock)
-        self.visit = SceneVisit(self.flight, start)
+        self.shown_scan = ShownScan(self.flight, start)
         self.picture = RefinementState()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
-        self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.visit, self.area, lambda: self.spec)
+        self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.shown_scan, self.area, lambda: self.spec)
         self.work = DocumentState()
         self.loads.prepare = self.work.begin
         self._followed: tuple | None = None
@@ -91,7 +91,7 @@ class Session:
     @property
     def scene(self) -> "Scene | None":
         """The scene shown, None on the start page."""
-        return self.visit.scene
+        return self.shown_scan.scene
 
     @property
     def document(self) -> Document:
@@ -137,7 +137,7 @@ class Session:
         self.picture.spec = self.spec
         self.picture.drew(plan, hides=hides, approximations=approximations, shown=shown, pending=pending)
         self.view_settings.worked()
-        if self.visit.preview:
+        if self.shown_scan.preview:
             self.loads.preview_shown()
         self._shown_at.append((self._clock(), self.area.size))
 
@@ -201,7 +201,7 @@ class Session:
         return self.flight.speed_text(self.facts.metres_per_unit)
 
     def go_home(self) -> None:
-        """Puts the camera where the visit began."""
+        """Puts the camera at the start viewpoint."""
         self.flight.go_home()
         self.picture.renew()
 
@@ -242,42 +242,42 @@ class Session:
 
     def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None,
              view: Viewpoint | None = None) -> None:
-        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start, view: where the visit
-        begins (SceneVisit.start, SceneVisit.resume).  recovered: an autosave, whose scans are opened instead."""
-        self.visit.start, self.visit.resume = start or self.visit.start, view
+        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start, view: where the camera
+        begins (ShownScan.start, ShownScan.resume).  recovered: an autosave, whose scans are opened instead."""
+        self.shown_scan.start, self.shown_scan.resume = start or self.shown_scan.start, view
         self.loads.open(paths, recovered=recovered)
 
     def keeps_work(self, loaded: loading.Loaded) -> bool:
         """Whether the document stays where ``loaded`` is shown."""
-        return loaded.variant or (self.visit.shows_scan_of(loaded) and not self.work.opens_other)
+        return loaded.variant or (self.shown_scan.shows_scan_of(loaded) and not self.work.opens_other)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
         self.view_settings.poll()
         variant, self._variant = self._variant, None
         if variant is not None and self.loads.current is None:
-            return self.visit.variant(variant)
+            return self.shown_scan.variant(variant)
         return self.loads.poll()
 
     def accept(self, loaded: loading.Loaded) -> None:
-        """The scene was uploaded: visit it."""
-        visit, kept = self.visit, self.keeps_work(loaded)
-        stays = kept and visit.continues_with(loaded)
-        visit.show(loaded, stays=stays)
+        """The scene was uploaded: it is shown."""
+        shown, kept = self.shown_scan, self.keeps_work(loaded)
+        stays = kept and shown.continues_with(loaded)
+        shown.show(loaded, stays=stays)
         self._shown_at.clear()
         self.work.under_pointer = None
         document = self.work.document if kept else self.work.accept()
         self.arrange()  # the start viewpoint frames what the panels leave
         if not stays:
-            visit.begin(document, self.area.aspect)
+            shown.begin(document, self.area.aspect)
             if not kept:
                 self.view_settings.begin(document)
         elif loaded.follows_preview:
-            visit.mend_start(document, self.area.aspect)
+            shown.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
         self._followed = document.edits, self.work.tint
         self.notices.leave_scene()
-        self.notices.of_scan = [] if loaded.preview else visit.notices(document)
+        self.notices.of_scan = [] if loaded.preview else shown.notices(document)
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
 
@@ -289,7 +289,7 @@ class Session:
         """Back to the start page.  The viewport must release its renderer before."""
         self.loads.cancel()
         self.work.leave()
-        self.visit.end()
+        self.shown_scan.end()
         self.work.under_pointer = None
         self.notices.leave_scene()
         self.picture.begin(0)
@@ -299,7 +299,7 @@ class Session:
         """Gives the load under way up and says so; the scene stays, and so does a preview."""
         self.loads.cancel()
         self.notices.toast("Loading cancelled")
-        if self.visit.preview:
+        if self.shown_scan.preview:
             text = f"This is a preview of {counted(self.scene.count, 'point')}." if self.scene is not None else ""
             self.notices.of_scan = [ScanNotice(text, LoadAllPoints())]
 

@@ -1,4 +1,4 @@
-"""The visit of a scan: where it begins, what its notices offer, and when the camera stays although the points change.
+"""The scan that is shown: its start viewpoint, what its notices offer, and when the camera stays although the points change.
 
 Frame: file coordinates; up is the direction that the document calls up.
 """
@@ -40,10 +40,10 @@ _GOOD_START = 0.75
 """Share of the worth of the complete scan's start viewpoint from which on that of its preview is kept.  Chosen by hand."""
 
 
-class SceneVisit:
+class ShownScan:
     """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
-    start: the camera that the next visit begins with; None: one is chosen (viewer.window.flight.start_viewpoint).
-    resume: the view that the next visit begins with, where the same scan was left at it; Home stays the chosen one."""
+    start: the camera at which the next scan begins; None: one is chosen (viewer.window.flight.start_viewpoint).
+    resume: the view at which the next scan begins, where the same scan was left at it; Home stays the chosen one."""
 
     def __init__(self, flight: Flight, start: Camera | None = None):
         self._flight = flight
@@ -88,7 +88,7 @@ class SceneVisit:
             self._flight.continue_in(loaded.seen)
 
     def begin(self, document: Document, aspect: float) -> None:
-        """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
+        """Puts the camera at the start viewpoint of the scene.  aspect: width over height of the picture."""
         assert self.scene is not None and self._seen is not None
         near = near_survey(self._seen)
         standing = standing_view(self.scene, near, upright_axes(document.up))

@@ -93,7 +93,7 @@ class WindowActions:
 
     def fly_to_file(self, part: FilePart) -> None:
         session = self._session
-        if not session.visit.show_file(part, session.document, session.area.aspect):
+        if not session.shown_scan.show_file(part, session.document, session.area.aspect):
             session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
 
     def act_on_notice(self, offer: Offer) -> None:

@@ -106,7 +106,7 @@ class App:
 
     def _scan_folder(self) -> Path | None:
         """Where the first file of the scan lies; None without one."""
-        paths = self.session.visit.paths
+        paths = self.session.shown_scan.paths
         return paths[0].absolute().parent if paths else None
 
     def _follow_gamepad(self) -> None:
@@ -290,7 +290,7 @@ class App:
             if not loaded.preview:
                 self.projects.leave(lambda: self._upload(loaded))
             return
-        if loaded.paths != self.session.visit.paths:
+        if loaded.paths != self.session.shown_scan.paths:
             self._remember_scan()
         self.viewport.upload(loaded)
 

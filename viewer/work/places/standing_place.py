@@ -1,5 +1,5 @@
-"""Where a person would stand in a scan, and how far back one must step to see all of it.  Window-free: the window starts its
-visits here, and benches and `evaluate` place their cameras by the same rules.
+"""Where a person would stand in a scan, and how far back one must step to see all of it.  Window-free: the window begins here,
+and benches and `evaluate` place their cameras by the same rules.
 
 Frame: file coordinates, world up = +z, file units; ``metre`` is file units in a metre (taken as 1 where the file does not
 say).  Works on a few hundred thousand points of the coarse density layers, which are a uniform subsample.

@@ -1,4 +1,4 @@
-"""Where the visit of a scan begins, chosen by the picture that it gives.
+"""The start viewpoint of a scan, chosen by the picture that it gives.
 
 The scanner's position and the place where most was measured at eye height come first, as long as the scan surrounds them and
 their picture is sharp.  Where it is not, because the points are sparse there or a wall is near, all places are compared: the
@@ -92,8 +92,8 @@ class View:
 
 
 def standing_view(scene: "Scene", seen: Sampled, upright: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray] | None:
-    """(3,) position and (3,) direction of the view inside the scan with which a visit begins; None for a scan that is looked at
-    from outside, because nobody can stand in it or its points are too sparse to stand among.
+    """(3,) position and (3,) direction of the view inside the scan that the window begins with; None for a scan that is
+    looked at from outside, because nobody can stand in it or its points are too sparse to stand among.
 
     upright: (3, 3) as in viewer.work.places.up_axis, where another direction than +z is up.
     """

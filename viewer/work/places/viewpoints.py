@@ -1,7 +1,7 @@
 """The cameras of benches and of `evaluate`: eight named views of a scan, and a smooth path of 48 frames through it.
 
 Those of the demo scan are shipped (assets/demo_cameras.json; the path is a curve through them).  Those of any other scan depend
-on the scan alone: from the place where a visit begins (at a scanner, otherwise where most was measured at eye height) four
+on the scan alone: from the start viewpoint (at a scanner, otherwise where most was measured at eye height) four
 directions, the floor and a close-up, then a view from a corner of the bounds and one from afar.
 Frame: file coordinates, world up = +z.
 """

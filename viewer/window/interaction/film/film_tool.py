@@ -90,7 +90,7 @@ class Film(Tool):
 
     def ask(self, context: ToolContext) -> None:
         """Asks where the video is saved, and begins it."""
-        name = context.session.visit.title.split(".")[0] or "film"
+        name = context.session.shown_scan.title.split(".")[0] or "film"
         context.files.save("films", "Save the film", f"{name}.mp4", KINDS, lambda out: self.start(context, out))
 
     def start(self, context: ToolContext, out: Path) -> None:

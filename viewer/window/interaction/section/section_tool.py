@@ -136,7 +136,7 @@ class SectionTool(Tool):
         if self.cut(context) is None:
             context.toast("Click the two ends of the section line first")
             return
-        name = f"{context.session.visit.title.split('.')[0]} {KINDS[self.kind]} 1-{self.scale}.pdf"
+        name = f"{context.session.shown_scan.title.split('.')[0]} {KINDS[self.kind]} 1-{self.scale}.pdf"
         context.files.save("sheets", f"Save the {KINDS[self.kind]}", name, FORMATS, lambda out: self.start(context, out))
 
     def start(self, context: ToolContext, out: "Path") -> None:

@@ -40,7 +40,7 @@ class GhostsPanel:
         scene = context.scene
         if scene is not self._plain and scene is not self._marked:
             self._forget(scene)
-        if scene is None or context.session.visit.preview or context.session.loads.current is not None:
+        if scene is None or context.session.shown_scan.preview or context.session.loads.current is not None:
             return
         if (done := ended(self._search, context, "Passers-by cannot be told")) is not None:
             self._search = None

@@ -93,13 +93,13 @@ class Stations(Tool):
 
     def _follow(self, context: ToolContext) -> None:
         """Reads the photographs of the scan shown, once, on a thread of its own."""
-        visit = context.session.visit
-        if self._of != (visit.paths, visit.preview):
-            self._of, self.photos, self.warnings, self._read = (visit.paths, visit.preview), [], [], None
+        shown = context.session.shown_scan
+        if self._of != (shown.paths, shown.preview):
+            self._of, self.photos, self.warnings, self._read = (shown.paths, shown.preview), [], [], None
             self.pictures, context.session.work.photo = [], None
             self.viewer.close_picture()
-            files = [Path(path) for path in context.session.visit.paths if Path(path).suffix.lower() == ".e57"]
-            if files and not context.session.visit.preview:
+            files = [Path(path) for path in context.session.shown_scan.paths if Path(path).suffix.lower() == ".e57"]
+            if files and not context.session.shown_scan.preview:
                 self._read = Worker(lambda: [(stored_pictures(file), *read_station_photos(file)) for file in files],
                                     "Reading photographs", context.session.loads.wake)
         if self._read is not None and self._read.finished:
