@@ -32,12 +32,12 @@ def test_what_a_command_replaces_is_said_the_second_time_only(name, scan, tmp_pa
     words = [word.replace("SCAN", str(scan)).replace("OUT", str(tmp_path)) for word in COMMANDS[name]]
     assert cli.main(words) == 0
     first = capsys.readouterr()
-    assert "replaces" not in first.err and "replaced" not in first.out
+    assert ": replaces " not in first.err and "replaced" not in first.out
     assert cli.main(words) == 0
     second = capsys.readouterr()
     assert second.out == first.out
     more = " and 1 other file" if name == "simulate" else ""
-    assert [line for line in second.err.splitlines() if "replaces" in line] == [f"pointglass: replaces {words[-1]}{more}"]
+    assert [line for line in second.err.splitlines() if ": replaces " in line] == [f"pointglass: replaces {words[-1]}{more}"]
 
 
 @pytest.mark.parametrize(("words", "files"), [
