@@ -281,7 +281,10 @@ def main(folder: Path, count: int, seed: int) -> None:
                 "error": d.app.context.error,
             })
     except Exception:
-        report["problem"] = f"after {list(monkey.done)}\n{traceback.format_exc()}"
+        session = d.session
+        state = {"message": session.notices.message, "load": session.loads.current, "scene": session.scene is not None,
+                 "asking": d.app.asking, "project": session.work.project, "waiting keys": bool(d.app.input.after_typing)}
+        report["problem"] = f"after {list(monkey.done)}\n{state}\n{traceback.format_exc()}"
     (folder / "random.json").write_text(json.dumps(report, indent=1))
     d.app.close()
 

@@ -75,15 +75,17 @@ def _ends(path: Path, size: int, _changed: int) -> str:
 
 
 def place_of(path: str, project: Path, known: ScanPlace | None = None) -> ScanPlace:
-    """The place of a scan, seen from the folder of a project file that is written.  known: what was recorded of it before; its
-    size and checksum stay where the scan is not there now."""
+    """The place of a scan, seen from the folder of a project file that is written.  known: what is known of the file that was
+    loaded, or was recorded before.  Its size and checksum stay, whatever is at the path now: a file that has been replaced
+    since is not the scan that the work belongs to."""
     whole, folder = os.path.abspath(path), os.path.abspath(project.parent)
     try:
         relative = Path(os.path.relpath(whole, folder)).as_posix()
     except ValueError:  # another drive
         relative = ""
     file = Path(whole)
-    size, ends = (known.size, known.ends) if known is not None and not _exists(file) else (size_of(file), ends_of(file))
+    kept = known is not None and (known.ends or not _exists(file))
+    size, ends = (known.size, known.ends) if known is not None and kept else (size_of(file), ends_of(file))
     return ScanPlace(file.as_posix(), relative, size, ends)
 
 
@@ -112,7 +114,8 @@ def found_scan(project: Path, stored: str, place: ScanPlace) -> Path:
 
 
 def difference(path: Path, stored: str, place: ScanPlace) -> str:
-    """Why a scan that a person located may be another than that of the project, in words; "" where nothing says so."""
+    """Why a scan that is at its place, or that a person located, may be another than that of the project, in words; "" where
+    nothing says so."""
     name, size = _names(stored)[-1:], size_of(path)
     if place.size is not None and size is not None and size != place.size:
         return f"It has {size:,} bytes; the scan of the project had {place.size:,}."

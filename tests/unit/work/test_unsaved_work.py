@@ -14,7 +14,8 @@ from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
 from pointglass.viewer.work.measure import Begun, MeasuredPoint
-from pointglass.viewer.work.project import read_project
+from pointglass.viewer.work.moved_scans import ends_of
+from pointglass.viewer.work.project import places_in, read_project
 
 CHANGES: dict[str, object] = {
     "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "viewpoints": (Viewpoint("here", EYE, 60.0),), "look": Look(exposure=1.0),
@@ -235,3 +236,33 @@ def test_a_window_with_unfinished_work_ends_after_a_question_only(window):
     window.answer("Close")
     window.flow.end([], lambda: ended.append(2))
     assert ended == [1, 2]
+
+
+def test_a_project_does_not_take_a_file_that_replaced_its_scan_without_a_word(window, tmp_path):
+    """Saving keeps the size and checksum of the scan that was loaded; opening tells that another file is there, and saving then
+    takes it: a scan that was edited on purpose is told once."""
+    window.scan.write_bytes(b"the scan")
+    window.open(window.scan)  # again, as it is now
+    assert window.asked == "A scan is another file than before"
+    window.session.notices.message = None
+    loaded = ends_of(window.scan)
+    window.edit(measurements=(TAPE,))
+    window.scan.write_bytes(b"another file, and longer")
+    window.flow.save()
+    project = tmp_path / "room.pointglass"
+    (place,) = places_in(project).values()
+    assert (place.size, place.ends) == (8, loaded)
+    for told in (True, False):
+        again = Window(tmp_path)
+        again.open(project)
+        assert again.session.document.measurements == (TAPE,)
+        assert again.asked == ("A scan is another file than before" if told else "")
+        if told:
+            assert "room.ply: It has 24 bytes; the scan of the project had 8." in again.session.notices.message.text
+            again.session.notices.message = None
+            again.edit(clips=(BOX,))
+            again.flow.save()
+            (place,) = places_in(project).values()
+            assert place.ends == ends_of(window.scan)
+        again.flow.autosave.close(keep=False)
+        again.session.close()

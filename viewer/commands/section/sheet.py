@@ -70,7 +70,7 @@ def write_sheet(out: Path, drawing: "Drawing", paper: Paper, scene: "Scene", tit
         write_atomic(out, lambda beside: beside.write_bytes(data.getvalue()))
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror or error})", file=out,
-                         remedy="make room, or choose another --out") from None
+                         remedy="make room, or choose another place for it") from None
     width, height = figure.get_size_inches() * INCH * 1000
     return float(width), float(height)
 

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _NOTE_SECONDS = 10.0
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
+_REPLACED = "The work of the project is kept, at its places. Saving the project takes the file that is there now for its scan."
 
 
 class Session:
@@ -280,6 +281,8 @@ class Session:
         self.notices.of_scan = [] if loaded.preview else shown.notices(document)
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
+        if not loaded.variant and (replaced := self.work.note_loaded()):
+            self.notices.say("A scan is another file than before", *replaced, _REPLACED)
 
     def show_variant(self, scene: "Scene") -> None:
         """The same points with other marks are shown from the next poll on; the camera stays."""

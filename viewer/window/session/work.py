@@ -17,7 +17,7 @@ from ...readers.e57.e57_photographs import StationPhoto
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measure import Begun
-from ...work.moved_scans import ScanPlace
+from ...work.moved_scans import ScanPlace, difference, place_of
 from ...work.places.pick import Picked
 from ...work.project import (
     digest_of,
@@ -76,7 +76,7 @@ class DocumentState:
         self._next = Opening(Document())
         self._saved = Document()
         self._content: tuple[tuple, Document] | None = None
-        self._places: dict[str, ScanPlace] = {}  # as recorded in the project's file, by absolute path of the scan
+        self._places: dict[str, ScanPlace] = {}  # of the scans as loaded, by absolute path; else as in the project's file
 
     @property
     def document(self) -> Document:
@@ -154,6 +154,19 @@ class DocumentState:
         with contextlib.suppress(InputError):  # an autosave whose project is gone
             found = places_in(project) if project is not None else {}
             self._places = {os.path.abspath(path): place for path, place in found.items()}
+
+    def note_loaded(self) -> list[str]:
+        """The scans of the document have been loaded: keeps their sizes and checksums.  Returns, in words, which of them are
+        other files than those that the project was saved with, or that were loaded before."""
+        replaced = []
+        for scan in self.document.scans:
+            whole = os.path.abspath(scan.path)
+            found, known = place_of(whole, Path(whole)), self._places.get(whole)
+            if known is not None and found.ends and (why := difference(Path(whole), whole, known)):
+                replaced.append(f"{Path(whole).name}: {why}")
+            if found.ends or known is None:
+                self._places[whole] = found
+        return replaced
 
     def leave(self) -> None:
         """No scan is open any more."""

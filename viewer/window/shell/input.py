@@ -277,8 +277,13 @@ class Input:
 
     def on_drop(self, _window, paths: list[str]) -> None:
         self._host.wake()
-        if paths:
-            self._host.open([Path(path) for path in paths])
+        if not paths:
+            return
+        opening = partial(self._host.open, [Path(path) for path in paths])
+        if self.after_typing:  # an Esc that was pressed before does not cancel the loading
+            self.after_typing.do(opening)
+        else:
+            opening()
 
     def on_focus(self, _window, focused: int) -> None:
         self._host.wake()
