@@ -275,10 +275,13 @@ def test_what_is_recorded_of_a_scan_stays_where_it_is_saved_while_the_scan_is_aw
     for path in (project, tmp_path / "copy.pointglass", project):
         work.save_project(path, context.camera, Settings(), "sky")
         found = places_in(path)
-        assert found[str(gone)] == before[str(gone)] and found[str(here)].size == 17
+        assert found[str(gone)] == before[str(gone)] and found[str(here)].ends == before[str(here)].ends
     gone.write_text("another, as long as it likes")
     work.save_project(project, context.camera, Settings(), "sky")
-    assert places_in(project)[str(gone)].size == 28, "what is there counts"
+    assert places_in(project)[str(gone)].size == 12, "the work belongs to the file that was loaded"
+    assert len(work.note_loaded([here, gone])) == 2
+    work.save_project(project, context.camera, Settings(), "sky")
+    assert [places_in(project)[str(path)].size for path in (here, gone)] == [17, 28]
 
 
 def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):

@@ -46,7 +46,8 @@ def write_mp4(path: Path, cameras: Sequence[Camera], draw: Draw, *, size: tuple[
             write_atomic(path, lambda beside: _encode(beside, pictures, size, fps))
         except OSError as error:
             why = error.strerror or str(error)
-            raise InputError(f"cannot be written ({why})", file=path, remedy="make room, or choose another place for it") from None
+            raise InputError(f"cannot be written ({why})", file=path,
+                             remedy="make room, or choose another place for it") from None
 
 
 def _counted(pictures: Iterable[np.ndarray], update: Callable[[int], None]) -> Iterable[np.ndarray]:

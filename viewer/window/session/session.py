@@ -281,7 +281,7 @@ class Session:
         self.notices.of_scan = [] if loaded.preview else shown.notices(document)
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
-        if not loaded.variant and (replaced := self.work.note_loaded()):
+        if not loaded.variant and (replaced := self.work.note_loaded(loaded.paths)):
             self.notices.say("A scan is another file than before", *replaced, _REPLACED)
 
     def show_variant(self, scene: "Scene") -> None:

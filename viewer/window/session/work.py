@@ -155,12 +155,11 @@ class DocumentState:
             found = places_in(project) if project is not None else {}
             self._places = {os.path.abspath(path): place for path, place in found.items()}
 
-    def note_loaded(self) -> list[str]:
-        """The scans of the document have been loaded: keeps their sizes and checksums.  Returns, in words, which of them are
-        other files than those that the project was saved with, or that were loaded before."""
+    def note_loaded(self, paths: Sequence[Path]) -> list[str]:
+        """Scans have been loaded: keeps their sizes and checksums.  Returns, in words, which of them are other files than those
+        that the project was saved with, or that were loaded before."""
         replaced = []
-        for scan in self.document.scans:
-            whole = os.path.abspath(scan.path)
+        for whole in map(os.path.abspath, paths):
             found, known = place_of(whole, Path(whole)), self._places.get(whole)
             if known is not None and found.ends and (why := difference(Path(whole), whole, known)):
                 replaced.append(f"{Path(whole).name}: {why}")
