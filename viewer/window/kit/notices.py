@@ -14,6 +14,7 @@ from ...common.text import printable
 Problem = str | Exception
 """What went wrong: a sentence, or an error, which is put into the window's words when it is shown."""
 TOAST_SECONDS = 4.0
+NOTE_SECONDS = 10.0
 _OPTIONS = {"--size": "window", "--view": "view", "--filter": "filter", "--quality": "quality", "--precision": "precision",
             "--device": "device"}  # fmt: skip
 """Of the command line's options, those that a person finds in the window: option -> what it is called there."""
@@ -128,6 +129,12 @@ class Notices:
         self._answered: Callable[[], object] | None = None
         self.toasts: list[Toast] = []
         self.of_scan: list[ScanNotice] = []
+
+    def tell_of_scan(self, found: "list[ScanNotice]") -> None:
+        """What is to be known of the scan that is shown now; the first two also as toasts, which stay longer than others."""
+        self.of_scan = found
+        for notice in found[:2]:
+            self.toast(notice.text, seconds=NOTE_SECONDS, of_scene=True)
 
     def say(self, title: str, *problems: Problem) -> None:
         """Opens a dialog with one or several problems."""

@@ -43,7 +43,6 @@ from .work import DocumentState
 if TYPE_CHECKING:
     from ...grid.scene import Scene
 
-_NOTE_SECONDS = 10.0
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
 _REPLACED = "The work of the project is kept, at its places. Saving the project takes the file that is there now for its scan."
 
@@ -278,9 +277,7 @@ class Session:
         self.picture.begin(loaded.scene.count)
         self._followed = document.edits, self.work.tint
         self.notices.leave_scene()
-        self.notices.of_scan = [] if loaded.preview else shown.notices(document)
-        for notice in self.notices.of_scan[:2]:
-            self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
+        self.notices.tell_of_scan([] if loaded.preview else shown.notices(document))
         if not loaded.variant and (replaced := self.work.note_loaded(loaded.paths)):
             self.notices.say("A scan is another file than before", *replaced, _REPLACED)
 
