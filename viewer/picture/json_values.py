@@ -1,8 +1,7 @@
 """Values as JSON has them: frozen dataclasses of numbers, texts, tuples and each other, in projects, pictures and grids.
 
 The keys of an object are the fields of its dataclass; clips carry their ``type``.  Numbers keep all 17 digits: reading gives
-the same values.  A subclass of :class:`OwnJson` is written and read by
-its own methods.
+the same values.  A subclass of :class:`OwnJson` is written and read by its own methods.
 """
 
 import dataclasses

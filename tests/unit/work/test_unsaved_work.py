@@ -244,6 +244,9 @@ def test_a_project_does_not_take_a_file_that_replaced_its_scan_without_a_word(wi
     window.scan.write_bytes(b"the scan")
     window.open(window.scan)  # again, as it is now
     assert window.asked == "A scan is another file than before"
+    window.session.notices.say_also("Another matter", "of which nothing is lost")
+    text = window.session.notices.message.text
+    assert "room.ply: It has 8 bytes" in text and "of which nothing is lost" in text
     window.session.notices.message = None
     loaded = ends_of(window.scan)
     window.edit(measurements=(TAPE,))

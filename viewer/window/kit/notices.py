@@ -4,7 +4,7 @@ No window: ``dialogs``, ``hud`` and ``scenes_panel`` draw what is here.  Times a
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from pathlib import Path
 
@@ -139,6 +139,13 @@ class Notices:
     def say(self, title: str, *problems: Problem) -> None:
         """Opens a dialog with one or several problems."""
         self.message = Message(title, "\n\n".join(map(in_window, problems)))
+
+    def say_also(self, title: str, *problems: Problem) -> None:
+        """As :meth:`say`; where a message is open, below its text, so that none is lost."""
+        opened = self.message
+        self.say(title, *problems)
+        if opened is not None and self.message is not None:
+            self.message = replace(opened, text=f"{opened.text}\n\n{title}.\n{self.message.text}")
 
     def ask(self, title: str, text: str, answers: tuple[Answer, ...]) -> None:
         """Opens a dialog with several buttons.  Esc closes it without an answer."""

@@ -279,7 +279,7 @@ class Session:
         self.notices.leave_scene()
         self.notices.tell_of_scan([] if loaded.preview else shown.notices(document))
         if not loaded.variant and (replaced := self.work.note_loaded(loaded.paths)):
-            self.notices.say("A scan is another file than before", *replaced, _REPLACED)
+            self.notices.say_also("A scan is another file than before", *replaced, _REPLACED)
 
     def show_variant(self, scene: "Scene") -> None:
         """The same points with other marks are shown from the next poll on; the camera stays."""
