@@ -3,9 +3,9 @@
 ``python -m pointglass.viewer.compile_kernels``.
 
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
-with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it and
-points at it, renders the scan in every view, and opens it once more from the cache.  Without it the first scan that is opened
-waits for the compiler instead.
+with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it,
+points at it, looks for passers-by, lays a photograph over a view, renders the scan in every view, and opens it once more from
+the cache.  Without it the first scan that is opened waits for the compiler instead.
 """
 
 import os
@@ -31,6 +31,7 @@ def compile_kernels() -> str | None:
         try:
             _open_scans(Path(folder))
             _draw_and_point()
+            _find_ghosts_and_show_photograph()
             _render_demo()
         except DeviceError as error:
             return str(error)
@@ -80,6 +81,28 @@ def _draw_and_point() -> None:
     pose[:3, 3] = middle
     pick(scene, from_fov(64, 48, 60.0, pose), np.ones((48, 64), bool), np.ones((48, 64), np.float32), (32.0, 24.0))
     surface_around(scene, middle)
+
+
+def _find_ghosts_and_show_photograph() -> None:
+    """Passers-by in a small scan of two stations, and a photograph over a view: as a person asks for them in the window."""
+    import numpy as np
+
+    from .grid.open_scene import scene_from_arrays
+    from .picture.camera import from_fov
+    from .preprocess.scan_description import ScanDescription, ScanSummary
+    from .readers.e57.e57_photographs import StationPhoto
+    from .work.ghosts import find_ghosts
+    from .work.pictures.photo_in_view import nearest_ranges, resampled
+
+    rng = np.random.default_rng(0)
+    stations = ScanDescription(scans=tuple(ScanSummary(name, 1000, position) for name, position in
+                                           (("a", (1.0, 1.0, 1.0)), ("b", (3.0, 3.0, 1.0)))))
+    find_ghosts(scene_from_arrays(rng.uniform(0, 4, (2000, 3)), np.zeros((2000, 3), np.uint8),
+                                  scan=np.repeat([0, 1], 1000).astype(np.uint8), meta=stations, noise=False))
+    picture = np.zeros((8, 16, 3), np.uint8)
+    photo = StationPhoto("", "spherical", picture, 8 / np.pi, 8 / np.pi, 8.0, 4.0, np.eye(4), around=True)
+    camera, depth = from_fov(16, 8, 60.0, np.eye(4)), np.ones((8, 16), np.float32)
+    resampled(photo, camera, depth, nearest_ranges(photo, np.ones((1, 3))))
 
 
 def _render_demo() -> None:

@@ -1,4 +1,4 @@
-"""After the set-up no command waits for the compiler: the loops of sections and of pointing are compiled ahead, too."""
+"""After the set-up nobody waits for the compiler: the loops of sections, pointing and passers-by are compiled ahead, too."""
 
 import os
 import subprocess
@@ -15,8 +15,11 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from pointglass.viewer import cli, compile_kernels
 from pointglass.viewer.commands import demo
-from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import from_fov
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
+from pointglass.viewer.work.ghosts import find_ghosts
 from pointglass.viewer.work.places.pick import pick, surface_around
 
 scan = Path(sys.argv[1])
@@ -27,7 +30,9 @@ def compiled():
             if name.startswith("pointglass.") for loop in list(vars(module).values()) if isinstance(loop, Dispatcher)
             for types in loop.signatures}
 
+compile_kernels._open_scans(scan.parent)
 compile_kernels._draw_and_point()
+compile_kernels._find_ghosts_and_show_photograph()
 before = compiled()
 assert cli.main(["section", str(scan), "--plan", "1.5", "--out", str(scan.with_name("plan.png"))]) == 0
 scene = open_scene(scan)
@@ -35,12 +40,15 @@ pose = np.eye(4)
 pose[:3, 3] = scene.bounds.mean(axis=0)
 pick(scene, from_fov(320, 240, 70.0, pose), np.ones((240, 320), bool), np.full((240, 320), 1.5, np.float32), (9.0, 9.0))
 surface_around(scene, scene.bounds[0])
+stations = (ScanSummary("a", 2000, tuple(scene.bounds[0] + 0.5)), ScanSummary("b", 2000, tuple(scene.bounds[1] - 0.5)))
+xyz, rgb = unpack(scene)[:2]
+find_ghosts(scene_from_arrays(xyz, rgb, scan=np.repeat([0, 1], 2000).astype(np.uint8), meta=ScanDescription(scans=stations)))
 print("loops:", len(before), "more:", sorted(compiled() - before))
 """
 
 
 @pytest.mark.slow
-def test_sections_and_pointing_compile_nothing_after_the_set_up(tmp_path):
+def test_sections_pointing_and_passers_by_compile_nothing_after_the_set_up(tmp_path):
     rng = np.random.default_rng(0)
     scan = tmp_path / "room.laz"
     write_las(scan, rng.random((4000, 3)) * 3, rng.integers(0, 256, (4000, 3), np.uint8))

@@ -194,6 +194,25 @@ def test_of_several_files_the_bad_ones_are_named_and_the_good_ones_are_shown():
         open_each(files, lambda paths: (_ for _ in ()).throw(InputError("/tmp: no room")))
 
 
+def test_a_scan_is_fingerprinted_by_its_load_and_not_by_the_window(tmp_path, monkeypatch):
+    made, _ = session()
+    file, scene, reading = tmp_path / "a.laz", made.scene, []
+    file.write_bytes(b"a scan")
+    made.loads.preview_scene = lambda files, **_: None
+    made.loads.open_scene = lambda files, **_: scene
+    opened = Path.open
+
+    def noted(path, *arguments, **options):
+        reading.extend([threading.current_thread()] if path == file else [])
+        return opened(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", noted)
+    made.loads.open([file])
+    made.loads.current.join(10.0)
+    made.accept(made.poll())
+    assert len(reading) == 1 and reading[0] is not threading.current_thread()
+
+
 def test_a_folder_of_scans_stands_for_the_scans_in_it(tmp_path):
     for name in ("b.laz", "a.ply", "notes.pdf", ".hidden.ply"):
         (tmp_path / name).write_bytes(b"LASF" if name.endswith("laz") else b"ply\n")

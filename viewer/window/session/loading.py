@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...common.errors import Cancelled, PointglassError
 from ...preprocess.scan_description import ScanDescription, WarningTopic
-from ...work.moved_scans import MissingScans
+from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
 from ..kit.worker import Worker
@@ -162,6 +162,8 @@ class ScanLoads:
             files = expanded(given)
             previewed = self._first_picture(files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
             scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
+            for file in opened:
+                ends_of(file)  # read and kept here: the window asks for it when the scene is shown, and a disk may be slow
             return Loaded(scene, survey(scene), tuple(opened), follows_preview=previewed, problems=tuple(problems))
 
         names = given[0].name if len(given) == 1 else f"{len(given)} files"
