@@ -1,4 +1,5 @@
-"""Chooses files by X key and pointer events, for ``test_dialogs.py``: open, save, replace, locate, photographs, files.
+"""Chooses files by X key and pointer events, for ``test_dialogs.py``: open, save, replace, locate, photographs, files; and
+drags a clip.
 
 Each check begins where the one before left the window; what is drawn is left as PNG, to be looked at.
 """
@@ -125,6 +126,12 @@ def check_a_file_is_replaced_only_where_the_person_says_so(p: Person, folder: Pa
     assert p.choice.question is None and old.read_bytes() == b"old"
     p.key("Return")
     p.d.until(lambda: p.choice.question == old)
+    p.key("Right", "Escape", "Return")  # another time it is kept again, unless the person says so
+    p.d.until(lambda: p.choice.question == old)
+    p.key("Return")
+    assert p.choice.question is None and old.read_bytes() == b"old"
+    p.key("Return")
+    p.d.until(lambda: p.choice.question == old)
     p.key("Right", "Return")
     p.d.until(lambda: p.choice is None and tool.worker is None, 60.0)
     assert old.read_bytes().startswith(b"%PDF") and [path.name for path in old.parent.iterdir()] == ["plan.pdf"]
@@ -231,6 +238,36 @@ def check_one_of_several_files_is_hidden_and_flown_to(p: Person, folder: Path) -
     p.d.session.work.undo()
     p.d.rest()
     assert np.array_equal(p.d.bare(), both)
+
+
+def check_a_clip_that_is_deleted_while_it_is_dragged_changes_no_other(p: Person, folder: Path) -> None:
+    from pointglass.viewer.window.interaction.clip_tool import handles
+
+    p.d.session.go_home()
+    p.key("b")
+    p.click("+ Box")
+    p.click("+ Plan")
+    p.d.session.frame_scene()
+    p.d.until(lambda: not p.d.session.flight.moving)
+    p.d.rest()
+    box, plan = p.d.session.document.clips
+    (place, _), _ = handles(plan)
+    (pixel,), _ = p.d.session.camera.project([place])
+    x, y = (round(length) for length in pixel + np.array(p.d.session.area.origin))
+    xdo("mousemove", x, y)
+    p.d.settle()
+    xdo("mousedown", 1)
+    xdo("mousemove", x, y + 20)
+    p.d.until(lambda: p.d.session.document.clips[1] != plan)
+    assert p.d.session.document.clips[0] == box
+    p.key("Delete")
+    p.d.until(lambda: p.d.session.document.clips == (box,))
+    xdo("mousemove", x, y + 40)
+    p.d.settle()
+    xdo("mouseup", 1)
+    p.d.settle()
+    assert p.d.session.document.clips == (box,)
+    p.key("Escape")
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}

@@ -42,6 +42,20 @@ def opened(display, scan, *arguments) -> RealWindow:
     return window
 
 
+def dimmed(window: RealWindow) -> bool:
+    """Whether a question is open: the window behind it is dimmed, the status bar too."""
+    from PIL import ImageGrab
+
+    where = window.xdo("getwindowgeometry", "--shell", window.window)
+    left, top, width, height = (int(line.split("=")[1]) for line in where.splitlines()[1:5])
+    box = (left + width // 2, top + height - 3, left + width // 2 + 4, top + height - 1)
+    return np.array(ImageGrab.grab(box, xdisplay=window.environment["DISPLAY"])).max() < 0.9 * STATUS_BAR
+
+
+STATUS_BAR = 0x25
+"""Of 255: the greatest channel of the status bar, viewer.window.kit.theme.PANEL."""
+
+
 def autosaves(scan):
     return sorted((scan.parents[1] / "state" / "autosave").glob("[!.]*.json"))
 
@@ -180,6 +194,24 @@ def test_work_discarded_for_a_scan_that_cannot_be_opened_survives_the_end_of_the
     window.process.send_signal(signal.SIGTERM)
     window.ended()
     assert measured(file), "the work is still offered"
+
+
+def test_tab_and_arrows_choose_the_button_that_enter_presses(display, scan):
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    project = scan.with_name("room.pointglass")
+    window.xdo("mousemove", "--window", window.window, 640, 100)
+    for answer in (("Tab", "Tab"), ("Left",), ("shift+Tab",), ("Right", "Right")):  # Cancel: the last of three
+        window.keys("ctrl+q")
+        until(lambda: dimmed(window), "the question")
+        window.keys(*answer, "Return")
+        until(lambda: not dimmed(window), "its end")
+        assert window.process.poll() is None and "• room.xyz" in window.title and not project.exists()
+    window.keys("ctrl+q")
+    until(lambda: dimmed(window), "the question")
+    window.keys("Tab", "Return")  # Discard
+    assert window.ended() == 0 and not project.exists() and not autosaves(scan)
 
 
 def test_escape_right_after_ctrl_q_answers_its_question_and_the_tool_stays(display, scan):

@@ -100,6 +100,7 @@ def context_of(made, look) -> tuple[ToolContext, Any]:
 
 @pytest.mark.parametrize("folded", [False, True])
 def test_panels(made, look, folded):
+    from pointglass.viewer.window.kit.chosen_button import ChosenButton
     from pointglass.viewer.window.panels import dialogs, hud
     from pointglass.viewer.window.panels.look_panel import draw_look_panel
     from pointglass.viewer.window.panels.scenes_panel import draw_scenes_panel
@@ -122,7 +123,7 @@ def test_panels(made, look, folded):
     made.loads.current = SimpleNamespace(title="Opening", fraction=0.5, label="reading", finished=False)
     unchanged(made, lambda: dialogs.draw_load(made, actions, look))
     made.notices.ask("Question?", "text", (Answer("Yes"), Answer("No")))
-    unchanged(made, lambda: dialogs.draw_message(made, actions, look))
+    unchanged(made, lambda: dialogs.draw_message(made, actions, look, ChosenButton()))
 
 
 @pytest.mark.parametrize("name", [tool.name for tool in TOOLS])

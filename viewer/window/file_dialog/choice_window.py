@@ -6,6 +6,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from ..kit import theme
+from ..kit.chosen_button import ChosenButton
 from ..kit.theme import Theme, fitted, text_in
 from ..kit.widgets import button, compact_button, hint
 from .entries_table import draw_entries
@@ -18,6 +19,7 @@ _WIDE, _HIGH = 860.0, 560.0
 _PLACES = 168.0
 """Width of the list of places, design units."""
 _PAGE = 12  # rows that Page Up and Page Down move
+_ANSWERS = ("Keep it", "Replace it")
 _FLAGS = (
     imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_nav
@@ -33,13 +35,13 @@ class ChoiceWindow:
         self._new_folder: str | None = None  # the name that is typed, None where no folder is being made
         self._kinds_open = False  # the list of kinds of file, which takes the keys
         self._focus_folder = False  # whether the field of its name is to get the keyboard
-        self._answer = 0  # button of the question that Enter presses: 0 keeps the file, 1 replaces it
+        self._chosen = ChosenButton()  # of the question
 
     def draw(self, files: FileDialogs, style: Theme, *, covered: bool) -> None:
         """covered: a message is open, which hides the dialog for as long as it is there."""
         choice = files.choice
         if choice is not self._of:
-            self._of, self._new_folder, self._answer = choice, None, 0
+            self._of, self._new_folder = choice, None
         if choice is None or covered:
             return
         if not imgui.is_popup_open(POPUP):
@@ -64,13 +66,15 @@ class ChoiceWindow:
             imgui.same_line(0, px(8))
         draw_entries(choice, style, height)
         self._message(choice, style)
-        if choice.question is None:
+        asked = choice.question is not None
+        if not asked:
+            self._chosen.forget()
             self._entry(choice, style)
             self._buttons(choice, files, style)
         else:
             self._question(choice, style)
         if not imgui.is_window_appearing():  # the key of this frame closed what covered the dialog
-            self._keys(choice, naming)
+            self._keys(choice, naming, asked)
         if choice.cancelled or choice.result is not None:
             imgui.close_current_popup()
         imgui.end_popup()
@@ -225,14 +229,17 @@ class ChoiceWindow:
         text_in(theme.WARN, fitted(text, imgui.get_content_region_avail().x))
         hint(text, style)
         imgui.set_cursor_pos_x(imgui.get_window_width() - imgui.get_style().window_padding.x - 2 * px(140) - px(8))
-        if button("Keep it", style, width=px(140), primary=self._answer == 0):
-            choice.answer(False)
-        imgui.same_line(0, px(8))
-        if button("Replace it", style, width=px(140), primary=self._answer == 1):
-            choice.answer(True)
+        pressed = self._chosen.follow(path, _ANSWERS, _ANSWERS[0], appearing=imgui.is_window_appearing())
+        for label in _ANSWERS:
+            if button(label, style, width=px(140), primary=label == self._chosen.label):
+                pressed = label
+            if label == _ANSWERS[0]:
+                imgui.same_line(0, px(8))
+        if pressed:
+            choice.answer(pressed == _ANSWERS[1])
 
-    def _keys(self, choice: FileChoice, naming: bool) -> None:
-        """naming: whether keys belong to the name of a new folder."""
+    def _keys(self, choice: FileChoice, naming: bool, asked: bool) -> None:
+        """naming: whether keys belong to the name of a new folder.  asked: whether they belong to the question."""
         key, pressed, io = imgui.Key, imgui.is_key_pressed, imgui.get_io()
         enter = pressed(key.enter, False) or pressed(key.keypad_enter, False)
         if self._kinds_open:
@@ -243,13 +250,7 @@ class ChoiceWindow:
                 self._new_folder = None
             else:
                 choice.cancel()
-        elif choice.question is not None:
-            if pressed(key.left_arrow) or pressed(key.right_arrow) or pressed(key.tab):
-                self._answer = 1 - self._answer
-            elif enter:
-                choice.answer(self._answer == 1)
-                self._answer = 0
-        elif not naming:
+        elif not naming and not asked:
             if enter:
                 choice.enter()
             elif pressed(key.up_arrow) and io.key_alt:

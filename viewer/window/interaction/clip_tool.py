@@ -121,6 +121,7 @@ class ClipTool(Tool):
         self._face: int | None = None  # dragged
         self._grabbed = 0.0  # where on the axis the handle was taken hold of
         self._start: Clip | None = None
+        self._dragged: Clip | None = None  # the clip as the drag has left it
         self._gesture = 0
 
     def _clip(self, context: ToolContext) -> Clip | None:
@@ -136,12 +137,16 @@ class ClipTool(Tool):
             return self._grab(event.position, clip, context)
         if self._face is None or self._start is None:
             return False
+        if clip is not self._dragged:  # it was undone or deleted meanwhile: the drag has ended, and changes no other clip
+            self._face = self._start = None
+            return True
         if event.kind == "move":
             place, normal = handles(self._start)[self._face]
             along = along_axis(*context.ray(event.position), place, normal)
             if along is not None:
                 moved = with_face_moved(self._start, self._face, along - self._grabbed, _LEAST * extent_of(context))
                 self._store(context, f"Move a face of {clip.name}", moved, ("face", self._gesture))
+                self._dragged = self._clip(context)
         if event.kind in ("release", "leave"):
             self._face = self._start = None
         return True
@@ -159,7 +164,7 @@ class ClipTool(Tool):
         if along is None:
             context.toast("This face is seen edge-on along its normal; look from another side to move it")
             return True
-        self._face, self._grabbed, self._start = face, along, clip
+        self._face, self._grabbed, self._start, self._dragged = face, along, clip, clip
         self._gesture += 1
         return True
 

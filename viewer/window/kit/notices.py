@@ -16,7 +16,7 @@ Problem = str | Exception
 TOAST_SECONDS = 4.0
 NOTE_SECONDS = 10.0
 _OPTIONS = {"--size": "window", "--view": "view", "--filter": "filter", "--quality": "quality", "--precision": "precision",
-            "--device": "device"}  # fmt: skip
+            "--device": "device", "--out": "place", "--resume": "the same folder"}  # fmt: skip
 """Of the command line's options, those that a person finds in the window: option -> what it is called there."""
 
 

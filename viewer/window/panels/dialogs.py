@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from ..interaction.controls import CONTROLS, Control
 from ..kit import theme
+from ..kit.chosen_button import ChosenButton
 from ..kit.theme import Theme, fitted, text_in
 from ..kit.widgets import DOCKED, button
 from ..session.panel_actions import Actions
@@ -28,8 +29,8 @@ def _centre() -> None:
     imgui.set_next_window_bg_alpha(1.0)
 
 
-def draw_message(session: Session, actions: Actions, style: Theme) -> None:
-    """The dialog of ``session.notices.message``; its buttons and Esc close it, Enter presses the first one."""
+def draw_message(session: Session, actions: Actions, style: Theme, chosen: ChosenButton) -> None:
+    """The dialog of ``session.notices.message``; its buttons and Esc close it.  chosen: at first the first one."""
     message, is_open = session.notices.message, imgui.is_popup_open("message")
     if message is None and not is_open:
         return
@@ -53,12 +54,13 @@ def draw_message(session: Session, actions: Actions, style: Theme) -> None:
     gap = style.px(8)
     widths = [max(style.px(110), imgui.calc_text_size(answer.label).x + style.px(28)) for answer in message.answers]
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - sum(widths) - gap * (len(widths) - 1))
-    enter = imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)
-    pressed = 0 if enter and not imgui.is_window_appearing() else None
+    labels = [answer.label for answer in message.answers]
+    entered = chosen.follow(message, labels, labels[0], appearing=imgui.is_window_appearing())
+    pressed = labels.index(entered) if entered else None
     for number, answer in enumerate(message.answers):
         if number:
             imgui.same_line(0, gap)
-        if button(f"{answer.label}##{number}", style, width=widths[number], primary=number == 0):
+        if button(f"{answer.label}##{number}", style, width=widths[number], primary=answer.label == chosen.label):
             pressed = number
     if pressed is not None:
         actions.answer(pressed)

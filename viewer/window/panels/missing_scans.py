@@ -13,6 +13,7 @@ from ...work.moved_scans import MissingScans, ScanPlace, difference
 from ...work.project import places_in
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit import theme
+from ..kit.chosen_button import ChosenButton
 from ..kit.theme import Theme, fitted
 from ..kit.widgets import button
 from ..session.session import Session
@@ -41,6 +42,7 @@ class MissingScansDialog:
         self._places: dict[str, ScanPlace] = {}
         self._found: dict[str, str | None] = {}  # path in the project -> where it is now; None: left out
         self._left: list[Path] = []
+        self._chosen = ChosenButton()
 
     def follow(self, app: Host) -> None:
         """Called in every turn of the loop: takes over what the loader has found missing."""
@@ -121,23 +123,36 @@ class MissingScansDialog:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.dummy(ImVec2(width, px(4)))
-        keys = not imgui.is_window_appearing()  # else the key of this frame closed what covered the question
-        enter = keys and any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
-        if self.doubt is not None:
-            if button("Use it", style, width=px(120)):
-                self.use(app, self.doubt[0])
-        elif button("Leave it out", style, width=px(120), disabled=self._last_visible(),
-                    explained="Opens the project without this scan"):
+        appearing = imgui.is_window_appearing()  # then the key of this frame closed what covered the question
+        other, disabled = ("Use it", "") if self.doubt is not None else ("Leave it out", self._last_visible())
+        labels = [other, "Cancel", "Locate…"][bool(disabled):]
+        entered = self._chosen.follow((self.asked, self.scan, self.doubt), labels, "Locate…", appearing=appearing)
+        pressed, doubt = self._buttons(style, width, other, disabled) or entered, self.doubt
+        if pressed == "Use it" and doubt is not None:
+            self.use(app, doubt[0])
+        elif pressed == "Leave it out":
             self.use(app, None)
-        imgui.same_line()
-        imgui.set_cursor_pos_x(px(16) + width - 2 * px(120) - px(8))
-        if button("Cancel", style, width=px(120)) or (keys and imgui.is_key_pressed(imgui.Key.escape, False)):
+        elif pressed == "Cancel" or (not appearing and imgui.is_key_pressed(imgui.Key.escape, False)):
             self.cancel()
-        imgui.same_line(0, px(8))
-        if button("Locate…", style, width=px(120), primary=True) or enter:
+        elif pressed:
             self.doubt = None
             self.locate(app)
         imgui.end_popup()
+
+    def _buttons(self, style: Theme, width: float, other: str, disabled: str) -> str:
+        """Draws the buttons, ``other`` at the left.  Returns the label of the one that was clicked, "" for none."""
+        px, clicked = style.px, ""
+        explained = "Opens the project without this scan" if self.doubt is None else ""
+        if button(other, style, width=px(120), disabled=disabled, explained=explained, primary=other == self._chosen.label):
+            clicked = other
+        imgui.same_line()
+        imgui.set_cursor_pos_x(px(16) + width - 2 * px(120) - px(8))
+        for label in ("Cancel", "Locate…"):
+            if button(label, style, width=px(120), primary=label == self._chosen.label):
+                clicked = label
+            if label == "Cancel":
+                imgui.same_line(0, px(8))
+        return clicked
 
     def _last_visible(self) -> str:
         """Why the scan cannot be left out."""

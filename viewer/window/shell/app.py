@@ -22,6 +22,7 @@ from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import POLL, STILL, Gamepad
 from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
+from ..kit.chosen_button import ChosenButton
 from ..kit.clipboard import SystemClipboard
 from ..kit.glfw_window import make_window
 from ..panels.missing_scans import MissingScansDialog
@@ -80,6 +81,7 @@ class App:
         )  # fmt: skip
         self.files = FileDialogs(self._wake_loop, self._scan_folder)
         self.choice_window = ChoiceWindow()
+        self.chosen_button = ChosenButton()  # of the message
         self.missing_scans = MissingScansDialog()
         self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
@@ -92,8 +94,7 @@ class App:
         self.projects = ProjectFlow(self.session, self.files, self._wake_loop)
         self.tools.save_project = self.projects.save
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
-        self.last_view = last_view
-        self.actions = WindowActions(self)
+        self.last_view, self.actions = last_view, WindowActions(self)
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
@@ -219,7 +220,7 @@ class App:
 
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
-        glfw, session = self.glfw, self.session
+        glfw, session, message = self.glfw, self.session, self.session.notices.message
         self.input.after_typing.follow(drawn=min(session.area.window_size) > 0)
         arriving = self.viewport.note_arrivals()
         reading = self.viewport.pixels.waiting
@@ -240,7 +241,6 @@ class App:
             self._woken, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
         if self.gamepad.connected:
             self._follow_gamepad()
-        message = session.notices.message
         session.notices.take_answer()
         if self.files.poll():
             self.wake()

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ..file_dialog.choice_window import ChoiceWindow
     from ..file_dialog.file_dialogs import FileDialogs
     from ..interaction.tool import Toolbox, ToolContext
+    from ..kit.chosen_button import ChosenButton
     from ..kit.theme import Theme
     from ..panels.missing_scans import MissingScansDialog
     from ..panels.start_page import StartPage
@@ -41,6 +42,7 @@ class Host(Protocol):
     start_page: "StartPage"
     missing_scans: "MissingScansDialog"
     choice_window: "ChoiceWindow"
+    chosen_button: "ChosenButton"
 
     @property
     def actions(self) -> "Actions": ...
@@ -79,7 +81,7 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
     message = session.notices.message is not None
     app.missing_scans.draw(app, look, covered=message or app.files.choice is not None)
     app.choice_window.draw(app.files, look, covered=message)
-    dialogs.draw_message(session, app.actions, look)
+    dialogs.draw_message(session, app.actions, look, app.chosen_button)
     imgui.render()
     if shown:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
