@@ -57,6 +57,21 @@ def ctrl_c_is_heard():
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(scope="session")
+def thin_demo(tmp_path_factory) -> Path:
+    """The demo scan with every fifth of its points, for what only wants a scan: its grid takes a fifth of the time."""
+    import laspy
+    import numpy as np
+
+    from pointglass.viewer.common.paths import assets_dir
+
+    demo = laspy.read(assets_dir() / "demo.laz")
+    demo.points = demo.points[np.arange(0, len(demo.points), 5)]
+    path = tmp_path_factory.mktemp("demo") / "thin_demo.laz"
+    demo.write(str(path))
+    return path
+
+
 @pytest.fixture
 def seed() -> int:
     """A new one each time; pytest shows the line of a test that fails, and POINTGLASS_SEED repeats it."""

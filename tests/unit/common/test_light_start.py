@@ -50,18 +50,17 @@ def one_camera(tmp_path_factory) -> Path:
 
 
 @pytest.mark.gl
-def test_a_picture_without_the_network_loads_no_torch(one_camera, tmp_path):
-    demo = assets_dir() / "demo.laz"
+def test_a_picture_without_the_network_loads_no_torch(thin_demo, one_camera, tmp_path):
     for view in ("raw", "filtered", "filled"):  # the first builds the grid, the others find it in the cache
-        loaded = modules_after(RENDER, demo, "--cameras", one_camera, "--out", tmp_path / view, "--view", view,
+        loaded = modules_after(RENDER, thin_demo, "--cameras", one_camera, "--out", tmp_path / view, "--view", view,
                                "--size", "80x60")
         assert not loaded & set(NEVER), view
         assert view == "raw" or not loaded & set(NOT_FROM_CACHE), view
 
 
 @pytest.mark.gl
-def test_a_picture_without_the_network_loads_no_torch_from_python():
-    assert not modules_after(FROM_PYTHON, assets_dir() / "demo.laz") & set(NEVER)
+def test_a_picture_without_the_network_loads_no_torch_from_python(thin_demo):
+    assert not modules_after(FROM_PYTHON, thin_demo) & set(NEVER)
 
 
 def test_loops_of_other_code_may_still_use_blas():

@@ -1,11 +1,13 @@
 """Every command says in one line on standard error which files it replaces; standard output stays as it is."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cloud_files import write_ply
 
+from pointglass.model.synth import demo
 from pointglass.viewer import cli
 from pointglass.viewer.commands.render_pictures import picture_files
 from pointglass.viewer.common.replaced_files import replaced_told
@@ -28,7 +30,8 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_what_a_command_replaces_is_said_the_second_time_only(name, scan, tmp_path, capsys):
+def test_what_a_command_replaces_is_said_the_second_time_only(name, scan, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(demo, "Place", partial(demo.Place, probe_rays=0))  # indirect light takes seconds
     words = [word.replace("SCAN", str(scan)).replace("OUT", str(tmp_path)) for word in COMMANDS[name]]
     assert cli.main(words) == 0
     first = capsys.readouterr()

@@ -11,7 +11,6 @@ import pytest
 
 from pointglass.model.common.process.signals import cleaned, undone, uninterrupted
 from pointglass.model.common.system import STOPS
-from pointglass.viewer.common.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[3]
 LINE = "pointglass: stopped\n"
@@ -130,15 +129,15 @@ def _wait_for_handler(pid: int) -> None:
 
 
 @pytest.mark.parametrize("ending", ["laz", "e57"])
-def test_an_export_or_conversion_stopped_at_any_time(tmp_path, ending, seed):
+def test_an_export_or_conversion_stopped_at_any_time(thin_demo, tmp_path, ending, seed):
     """Imports, reading, native writers and the end of the process."""
-    scan, rng = assets_dir() / "demo.laz", random.Random(seed)
+    rng = random.Random(seed)
     for command, out in (("export", f"out.{ending}"), ("convert", "grid")):
         folder = tmp_path / command
         folder.mkdir()
-        process = _started("-m", "pointglass.viewer", command, str(scan), "--out", str(folder / out))
+        process = _started("-m", "pointglass.viewer", command, str(thin_demo), "--out", str(folder / out))
         _wait_for_handler(process.pid)
-        time.sleep(rng.uniform(0.0, 3.0))
+        time.sleep(rng.uniform(0.0, 1.5))
         process.send_signal(rng.choice(STOPS))
         _, error = process.communicate(timeout=60)
         assert (process.returncode, error) in ((130, LINE), (0, ""))

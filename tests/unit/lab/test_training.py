@@ -63,20 +63,35 @@ def test_an_invalid_checkpoint_is_refused_by_name(pairs, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_two_processes_average_their_gradients(pairs, tmp_path):
+BOTH = """
+import os, socket, sys; sys.path.insert(0, sys.argv[1])
+from pointglass.model.train.trainer import TrainConfig, train
+import torch.distributed as dist
+
+if sys.argv[4] == "forked":
+    import torch._dynamo  # an optimiser imports it: once for both
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        os.environ |= {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free.getsockname()[1]), "WORLD_SIZE": "2"}
+    other = os.fork()
+    os.environ |= dict.fromkeys(("RANK", "LOCAL_RANK"), "0" if other else "1")
+seen = []
+train(TrainConfig(pairs=(sys.argv[2],), out=sys.argv[3], quality='fast', steps=2, batch=1, crop=32, neighbours=0, device='cpu',
+                  warmup=1), on_step=lambda step: seen.append((step, dist.get_world_size())))
+assert seen == [(1, 2), (2, 2)], seen
+if sys.argv[4] == "forked" and other:
+    assert os.waitpid(other, 0)[1] == 0
+"""
+
+
+@pytest.mark.parametrize("started", ["forked", pytest.param("torchrun", marks=pytest.mark.long)])
+def test_two_processes_average_their_gradients(pairs, tmp_path, started):
+    """Forked with the variables that torchrun sets, so that the libraries are loaded once.  (torchrun: three times.)"""
     script = tmp_path / "both.py"
-    script.write_text(
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from pointglass.model.train.trainer import TrainConfig, train\n"
-        "import torch.distributed as dist\n"
-        "seen = []\n"
-        "train(TrainConfig(pairs=(sys.argv[2],), out=sys.argv[3], quality='fast', steps=2, batch=1, crop=32,\n"
-        "                  neighbours=0, device='cpu', warmup=1),\n"
-        "      on_step=lambda step: seen.append((step, dist.get_world_size())))\n"
-        "assert seen == [(1, 2), (2, 2)], seen\n"
-    )
-    run = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
-    done = subprocess.run([*run, str(ROOT), str(pairs), str(tmp_path / "two")], capture_output=True, text=True,
+    script.write_text(BOTH)
+    run = [sys.executable, *(["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"] if started == "torchrun"
+                             else []), str(script)]
+    done = subprocess.run([*run, str(ROOT), str(pairs), str(tmp_path / "two"), started], capture_output=True, text=True,
                           timeout=240, env={**os.environ, "OMP_NUM_THREADS": "1"})
     assert done.returncode == 0, done.stderr[:3000]
     assert json.loads((tmp_path / "two" / "fast-filtered" / "config.json").read_text())["processes"] == 2

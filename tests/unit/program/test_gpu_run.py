@@ -12,8 +12,18 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).resolve().parents[2] / "gpu" / "run.py"
-SMALL_PARTS = ("scan", "projected", "agreement", "growth", "workgroups", "engines")
-"""Parts of the small run here; the others are benches with tests of their own."""
+SMALL_PARTS = ("scan", "workgroups", "engines")
+"""Parts of the small run here: one that others read, one that reads it, one that logs rows as they come."""
+MORE_WORKERS = ("projected", "agreement", "growth")
+"""The other workers, in one process: each would load the libraries and compile the shaders again.  All else is benches with
+tests of their own."""
+WORK = """
+import json, sys
+from pathlib import Path
+from plan import SMALL
+from workers import WORKERS
+print(json.dumps({name: WORKERS[name](SMALL, Path(sys.argv[1])) for name in sys.argv[2:]}))
+"""
 ABSENT = ("open3d", "glfw", "imgui_bundle", "pye57", "OpenGL", "hatchling")
 """What such a machine does not have."""
 BLOCK = """
@@ -39,15 +49,22 @@ def run():
     sys.path.remove(str(SCRIPT.parent))
 
 
+@pytest.fixture
+def bare(tmp_path) -> Path:
+    """A folder for PYTHONPATH: what such a machine does not have cannot be imported."""
+    folder = tmp_path / "block"
+    folder.mkdir()
+    (folder / "sitecustomize.py").write_text(BLOCK.format(names=set(ABSENT)))
+    return folder
+
+
 @pytest.mark.slow
 @pytest.mark.gl
-def test_a_small_run_leaves_every_figure_in_one_folder(run, tmp_path):
-    (tmp_path / "block").mkdir()
-    (tmp_path / "block" / "sitecustomize.py").write_text(BLOCK.format(names=set(ABSENT)))
+def test_a_small_run_leaves_every_figure_in_one_folder(run, bare, tmp_path):
     out = tmp_path / "out"
     done = subprocess.run(
         [sys.executable, str(SCRIPT), "--small", "--only", ",".join(SMALL_PARTS), "--out", str(out)],
-        env=os.environ | {"PYTHONPATH": str(tmp_path / "block")}, capture_output=True, text=True, timeout=240,
+        env=os.environ | {"PYTHONPATH": str(bare)}, capture_output=True, text=True, timeout=240,
     )  # fmt: skip
     log = (out / "log.txt").read_text()
     assert done.returncode == 0, done.stdout + done.stderr + log
@@ -55,22 +72,38 @@ def test_a_small_run_leaves_every_figure_in_one_folder(run, tmp_path):
     parts = {name: held["result"] for name, held in results["parts"].items()}
     assert list(parts) == list(SMALL_PARTS) and results["plan"]["small"]
     assert parts["scan"]["points"] == results["plan"]["points"]
-    views = parts["projected"]["views"]
-    assert len(views) == 8 and max(view["points"] for view in views) == parts["projected"]["most"]["points"] > 0
-    assert all(view["raster_ms"] > 0 and view["raster_host_ms"] > 0 for view in views)
     (network,), (bridge,) = parts["engines"]["network"], parts["engines"]["bridge"]
     assert network["runs"] == "call by call" and network["problem"] is None and network["ms"] > 0
     assert bridge["kind"] == "read-back" and bridge["ms"] > 0
     rows = [json.loads(line) for line in log.splitlines() if line.startswith('{"')]
     assert [row for row in rows if "kind" in row or "engine" in row][-2:] == [bridge, network], "told as they come"
     assert sorted(path.name for path in out.iterdir()) == ["PAGE.md", "log.txt", "results.json"]
-    assert parts["growth"]["frames"] == results["plan"]["frames"] and parts["agreement"]["shares"]
     assert {row["workgroup"] for row in parts["workgroups"]["rows"]} >= {"8x8", "64x1"}
     page = (out / "PAGE.md").read_text()
     rows = [line for line in page.splitlines() if line.startswith("| ") and "promise" not in line][: len(run.PROMISES)]
     assert [row.split(" | ")[0][2:] for row in rows] == [promise.text for promise in run.PROMISES]
     assert sum("not judged: no CUDA" in row for row in rows) == sum(promise.needs_gpu for promise in run.PROMISES)
     assert len(page.splitlines()) < 60
+
+
+@pytest.mark.slow
+@pytest.mark.gl
+def test_every_worker_leaves_its_figures(run, bare, tmp_path):
+    import workers
+
+    begun = {part.name: part.command(run.Plan(), tmp_path)[0] for part in run.PARTS}
+    assert {name for name, script in begun.items() if script.endswith("workers.py")} == set(workers.WORKERS)
+    assert set(workers.WORKERS) == {*SMALL_PARTS, *MORE_WORKERS}
+    plan, work = run.SMALL, tmp_path / "work"
+    done = subprocess.run([sys.executable, "-c", WORK, str(work), "scan", *MORE_WORKERS], cwd=SCRIPT.parents[2],
+                          env=os.environ | {"PYTHONPATH": os.pathsep.join(map(str, (bare, SCRIPT.parent)))},
+                          capture_output=True, text=True, timeout=240)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout.splitlines()[-1])
+    views = made["projected"]["views"]
+    assert len(views) == 8 and max(view["points"] for view in views) == made["projected"]["most"]["points"] > 0
+    assert all(view["raster_ms"] > 0 and view["raster_host_ms"] > 0 for view in views)
+    assert made["growth"]["frames"] == plan.frames and made["agreement"]["shares"]
 
 
 @pytest.mark.gl
@@ -93,15 +126,17 @@ def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name, held", [("tests", "test_interop.py"), ("pictures", "test_frame.py")])
-def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path, name, held):
+def test_its_tests_begin_where_pytest_has_no_plugins(run, bare, tmp_path):
     """As on a bare machine: the project's own options ask for one.  Nor is there what else such a machine does not have."""
-    (tmp_path / "sitecustomize.py").write_text(BLOCK.format(names=set(ABSENT)))
-    tests = next(part for part in run.PARTS if part.name == name).command(run.Plan(), tmp_path)
-    done = subprocess.run([sys.executable, *tests, "--collect-only", "-p", "no:timeout"], cwd=SCRIPT.parents[2],
-                          env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(tmp_path)},
+    first, second = (part.command(run.Plan(), tmp_path) for part in run.PARTS if part.name in ("tests", "pictures"))
+    options = [[word for word in command if not word.startswith(("tests/", "--junitxml"))] for command in (first, second)]
+    assert set(options[0]) == set(options[1]) - {"--maxfail=10"}  # so that one run collects both parts' tests
+    files = [word for word in second if word.startswith("tests/")]
+    done = subprocess.run([sys.executable, *first, *files, "--collect-only", "-p", "no:timeout"], cwd=SCRIPT.parents[2],
+                          env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(bare)},
                           capture_output=True, text=True, timeout=240)  # fmt: skip
-    assert done.returncode == 0 and held in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 and " error" not in done.stdout, done.stdout + done.stderr
+    assert all(held in done.stdout for held in ("test_interop.py", "test_engines.py", *(Path(file).name for file in files)))
 
 
 @pytest.mark.slow
