@@ -10,7 +10,8 @@ import pytest
 from real_window import RealWindow, until, x_display
 
 from pointglass.viewer.window.session.autosave import read_unsaved
-from pointglass.viewer.work.project import read_project
+from pointglass.viewer.work.moved_scans import ends_of
+from pointglass.viewer.work.project import places_in, read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 
@@ -40,6 +41,12 @@ def opened(display, scan, *arguments) -> RealWindow:
     if arguments != ("view",):
         window.wait_for_title("room")
     return window
+
+
+def all_points(scan) -> None:
+    """Waits until the scan is shown completely."""
+    until(lambda: [*(scan.parents[1] / "cache").glob("[!.]*/meta.json")], "all points")
+    time.sleep(3.0)
 
 
 def dimmed(window: RealWindow) -> bool:
@@ -162,8 +169,7 @@ def test_a_project_saved_right_after_typing_has_every_letter(display, scan):
     window = opened(display, scan)
     window.keys("t")
     measure(window)
-    until(lambda: [*(scan.parents[1] / "cache").glob("[!.]*/meta.json")], "all points: a preview has a line more in the panel")
-    time.sleep(3.0)
+    all_points(scan)  # a preview has a line more in the panel
     name = "Distance from the door to the window, at the height of the handle"
     window.click(*NAME_FIELD)
     window.xdo("type", "--delay", "1", name)  # faster than the interface takes the keys
@@ -194,6 +200,38 @@ def test_work_discarded_for_a_scan_that_cannot_be_opened_survives_the_end_of_the
     window.process.send_signal(signal.SIGTERM)
     window.ended()
     assert measured(file), "the work is still offered"
+
+
+def test_a_file_that_took_the_place_of_the_open_scan_is_told_once_and_the_work_is_kept(display, scan):
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    all_points(scan)
+    loaded = scan.stat().st_size, ends_of(scan)
+    rows = scan.read_text().splitlines(keepends=True)
+    scan.write_text("".join(rows[: len(rows) // 2]))  # another scan under the name of the first
+    assert (scan.stat().st_size, ends_of(scan)) != loaded
+    window.keys("ctrl+s")
+    project = scan.with_name("room.pointglass")
+    until(project.exists, "the project")
+    window.keys("ctrl+q")
+    assert window.ended() == 0
+    made = read_project(project).measurements
+    (place,) = places_in(project).values()
+    assert (place.size, place.ends) == loaded and made
+    told = opened(display, scan, "view", project)
+    until(lambda: dimmed(told), "the message that the scan is another file")
+    told.keys("Return")
+    until(lambda: not dimmed(told), "its end")
+    told.keys("ctrl+s")
+    until(lambda: places_in(project)[str(scan)].ends == ends_of(scan), "the project with the scan that is there now")
+    told.keys("ctrl+q")
+    assert told.ended() == 0 and read_project(project).measurements == made
+    window = opened(display, scan, "view", project)
+    all_points(scan)
+    assert not dimmed(window), "a scan that was edited on purpose is told once"
+    window.keys("ctrl+q")
+    assert window.ended() == 0 and read_project(project).measurements == made
 
 
 def test_tab_and_arrows_choose_the_button_that_enter_presses(display, scan):
