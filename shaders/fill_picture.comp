@@ -3,6 +3,7 @@
 // NETWORK: also the network's input, eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence,
 // filled depth feature, filled noise level (NOISE; else 0), 1 where the network must keep what is filled (SEALED, or far inside
 // a hole), 1 - alpha.
+// DEPTH: also the view-space z of the filled picture, 0 where it is not opaque.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.
 // Reference implementation: model/reference/pull_push.py.
 #include "common_pyramid.glsl"
@@ -19,6 +20,9 @@ uniform mat3 to_world;            // columns: the view frame's x, y, z in world 
 uniform vec4 lens;                // fx, fy, cx, cy in pixels
 #endif
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
+#ifdef DEPTH
+layout(r32f, binding = 1) uniform writeonly image2D filled_depth;
+#endif
 #ifdef NETWORK
 layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
 #endif
@@ -62,6 +66,9 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole,
     float cover = direction != 0 || w > 0.0 ? 1.0 : float(hole >> 1 & 0x7Fu) / 127.0;
     float alpha = whole == 0.0 ? 0.0 : cover;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
+#ifdef DEPTH
+    imageStore(filled_depth, at, vec4(alpha == 1.0 ? exp2(v.w / FEATURE_SCALE) / feature_scale : 0.0));
+#endif
 #ifdef NETWORK
     bool sealed = direction == SEALED || (direction == 0 && (hole & 1u) != 0u);
     float level = 0.0;

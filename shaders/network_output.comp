@@ -1,6 +1,6 @@
 // Copies the network's output, four half-precision channels a pixel (RGB and coverage, 0..1), into the texture that is shown.
 // COPIED: the output was copied to a texture.
-// The filled picture's alpha is an upper bound: background stays background.
+// BOUNDED: the filled picture's alpha is an upper bound: background stays background.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 #ifdef COPIED
@@ -9,7 +9,9 @@ uniform usampler2D copied;  // software OpenGL reads it in half the time of a st
 layout(std430, binding = NETWORK_BINDING) readonly buffer Output { uvec2 pixels[]; };
 #endif
 layout(rgba8, binding = 0) uniform writeonly image2D neural;
+#ifdef BOUNDED
 uniform sampler2D filled;
+#endif
 
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy), extent = imageSize(neural);
@@ -20,6 +22,9 @@ void main() {
     uvec2 words = pixels[uint(at.y) * uint(extent.x) + uint(at.x)];
 #endif
     vec4 rgba = clamp(vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)), 0.0, 1.0);
-    float alpha = rgba.w * texelFetch(filled, at, 0).w;
+    float alpha = rgba.w;
+#ifdef BOUNDED
+    alpha *= texelFetch(filled, at, 0).w;
+#endif
     imageStore(neural, at, vec4(rgba.rgb * alpha, alpha));
 }

@@ -69,6 +69,8 @@ def pictures(context, points: int = 60_000, sizes=((160, 120), (97, 61), (7, 3))
             assert (frame.facts.occlusion is not None) == (kind == "compute")
             out.append(frame.image("filled").tobytes())
         away = from_fov(*sizes[1], 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
+        frame = renderer.render(small, Settings(), ("filled",), filled_depth=True)
+        out += [frame.image("filled").tobytes(), frame.filled_depth.read()]
         out += [renderer.render(other, Settings(), VIEWS).image("filled").tobytes() for other in (least, away)]
         out += edited_pictures(renderer, small)
         renderer.release()
@@ -80,6 +82,8 @@ def sources(context, monkeypatch) -> dict[str, str]:
     OpenGL and for a GPU."""
     from pointglass.viewer.doctor_probes import compute_works
     from pointglass.viewer.render.network.bridge import ReadBackBridge, works
+    from pointglass.viewer.render.network.neural import unpacking
+    from pointglass.viewer.render.passes.reprojection import Reprojection
     from pointglass.viewer.window.viewport.present import Canvas
 
     texts: dict[str, str] = {}
@@ -96,8 +100,11 @@ def sources(context, monkeypatch) -> dict[str, str]:
     pictures(context, *FEW)
     programs, bridge = shader.Programs(context), ReadBackBridge(context, (8, 8))
     assert works(programs, bridge) and compute_works(context)
-    canvas = Canvas(context, programs, (8, 8))
-    for owned in (canvas, bridge, programs):
+    canvas, moved = Canvas(context, programs, (8, 8)), Reprojection(programs, (8, 8))
+    for smaller in (False, True):
+        moved._pass(smaller)
+    unpacking(programs, copied=True, bounded=False)
+    for owned in (canvas, bridge, moved, programs):
         owned.release()
     # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
     from pointglass.model.reference.soft_z import MAX_AVERAGED

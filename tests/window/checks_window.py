@@ -53,6 +53,34 @@ def check_neural_view(d: Driver) -> None:
     d.key("3")
 
 
+def check_a_neural_flight_shows_the_last_neural_picture_moved(d: Driver) -> None:
+    lod = d.session.picture.adaptive_lod
+    d.key("4")
+    d.until(lambda: d.session.view_settings.network_load is None, 60.0)
+    d.rest()
+    usual, lod.keep_up = lod.network, False  # at full resolution, as a fast machine has it
+    lod.network = lambda networks, *, moving, **rest: None if moving else usual(networks, moving=moving, **rest)  # as if slow
+    try:
+        still = d.session.camera.position.copy()
+        d.key("W", "down")
+        d.until(lambda: (d.session.picture.moved or 0.0) > 0.3)
+        assert "moved from the last neural picture" in "; ".join(d.session.screen.approximations)
+        viewport = d.app.viewport
+        filled = viewport.frame.image("filled").astype(int)
+        moved = viewport._moved_frame.image("filled").astype(int)
+        assert (np.abs(moved - filled).max(axis=-1) > 2).mean() > 0.05, "it is not the filled picture"
+        d.until(lambda: viewport.moved.place is not None and np.linalg.norm(viewport.moved.place - still) > 0.02, 60.0)
+        assert d.session.flight.moving, "the network made a picture beside the flight"
+        d.key("W", "up")
+    finally:
+        del lod.network
+        lod.keep_up = True
+    d.rest()
+    assert d.session.picture.moved is None and np.array_equal(d.bare(), d.rendered())
+    d.key("3")
+    d.key("HOME")
+
+
 def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
     from pointglass.viewer.picture.settings import Settings
     from pointglass.viewer.render.culling import occlusion

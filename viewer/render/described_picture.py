@@ -21,14 +21,15 @@ if TYPE_CHECKING:
 
 
 def render(renderer: "Renderer", spec: "PictureSpec", history: "Occlusion | None" = None, *, more: tuple[str, ...] = (),
-           streaming: bool = False, defer_network: bool = False) -> "Frame":
+           streaming: bool = False, defer_network: bool = False, filled_depth: bool = False, keep_network: bool = False
+           ) -> "Frame":
     """The views that a description shows, and those that it compares with.  more: views that are wanted besides.
 
     The other arguments, and errors, as of Renderer.render.
     """
     views = tuple(dict.fromkeys((*spec.rendered_views, *more)))
     return renderer.render(spec.camera, spec.settings, views, history, streaming=streaming, defer_network=defer_network,
-                           edits=spec.edits)
+                           edits=spec.edits, filled_depth=filled_depth, keep_network=keep_network)
 
 
 def picture_of(renderer: "Renderer", spec: "PictureSpec") -> np.ndarray:

@@ -84,7 +84,10 @@ class FrameCost:
 
 @dataclass
 class Frame:
-    """One picture of a camera in the views asked for.  Textures belong to the renderer and are valid until its next render."""
+    """One picture of a camera in the views asked for.  Textures belong to the renderer and are valid until its next render.
+
+    filled_depth: R32F, view-space z in file units of the filled picture, 0 where it is not opaque; None where it was not asked
+    for."""
 
     camera: "Camera"
     textures: dict[str, "moderngl.Texture"]
@@ -92,6 +95,7 @@ class Frame:
     mask_texture: "moderngl.Texture | None"
     facts: FrameFacts = field(repr=False)
     times: "Times" = field(repr=False)
+    filled_depth: "moderngl.Texture | None" = None
 
     def image(self, view: str) -> np.ndarray:
         """(H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top.  Raises KeyError for a view not asked for."""

@@ -23,7 +23,7 @@ from ..picture.views import VIEWS, passes_of
 from .culling.cull import Culler, DrawList
 from .culling.enclosed_directions import OPEN, Directions, Enclosure
 from .culling.occlusion import GAP_LEVELS, History, Occlusion, may_hide
-from .deferred_network import finish_network, start_network
+from .deferred_network import NetworkRuns
 from .device.context import LOST, context_lost, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
@@ -75,7 +75,7 @@ class Renderer:
                                    read_ahead=memory.read_ahead, wake=wake)
         self.pages = self._make_pages(budget=memory.gpu)
         self._stages = Stages(context, software=self.device.software)
-        self._wake, self._serial = wake, 0
+        self._runs, self._serial = NetworkRuns(self._stages, wake), 0
 
     @property
     def _passes(self) -> SizedPasses:
@@ -88,6 +88,11 @@ class Renderer:
         return any(stage.busy for stage in self._sizes.networks)
 
     @property
+    def keeps_network(self) -> bool:
+        """Whether the network of an earlier picture goes on (``keep_network``)."""
+        return self._runs.keeps
+
+    @property
     def metre(self) -> float:
         """File units in a metre; 1 where the file does not say."""
         metres = self.scene.meta.metres_per_unit
@@ -95,7 +100,7 @@ class Renderer:
 
     def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None,
                history: Occlusion | None = None, *, streaming: bool = False, defer_network: bool = False,
-               edits: Edits | None = None) -> Frame:
+               edits: Edits | None = None, filled_depth: bool = False, keep_network: bool = False) -> Frame:
         """Makes the given views (default: that of the settings) of one camera.
 
         history: visibility in the previous frame, so that hidden cells need not be drawn.  It is used and updated where this
@@ -105,6 +110,8 @@ class Renderer:
         defer_network: start the network on its own thread and return without the neural view, which :meth:`finish_network`
         adds later; it is not started while points are missing.  The fact ``network_pending`` says whether it runs.  The neural
         view is there at once where pixels are mapped, or where one of the same camera still exists.
+        filled_depth: Frame.filled_depth is made.  keep_network: a network under way for an earlier picture goes on, for
+        :meth:`finish_earlier`, as long as later pictures are made with this, too.
 
         Where the device runs out of memory, half of the points' memory is given back and the picture is made again.
         Raises InputError for an unknown view, DeviceError where the device cannot make this picture, DeviceLostError where it
@@ -117,7 +124,8 @@ class Renderer:
         edits = None if edits is None else edits.shown_in(views)
         while True:
             try:
-                frame = self._render(camera, settings, views, history, edits, streaming=streaming, defer_network=defer_network)
+                frame = self._render(camera, settings, views, history, edits, streaming=streaming, defer_network=defer_network,
+                                     filled_depth=filled_depth, keep_network=keep_network)
                 self._check_memory()
                 return frame
             except DeviceMemoryError as error:
@@ -126,10 +134,10 @@ class Renderer:
                 log.warning("%s; continuing with %s of memory for points", error, bytes_text(self.pages.budget))
 
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
-                edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
+                edits: Edits | None, *, streaming: bool, defer_network: bool, filled_depth: bool, keep_network: bool) -> Frame:
         self._serial += 1
         wanted = passes_of(views)
-        self._begin((camera.width, camera.height), neural="network" in wanted)
+        self._begin((camera.width, camera.height), neural="network" in wanted, keep_network=keep_network)
         stages = self._stages
         stages.begin()
         with stages("cull"):
@@ -137,25 +145,33 @@ class Renderer:
         if edits is not None:
             draw = without_clipped_cells(draw, edits, self.scene)
         rasteriser, facts = self._rasterise(camera, settings, views, draw, history, edits, streaming=streaming)
-        textures, mask = {"raw": rasteriser.colour}, None
+        textures = {"raw": rasteriser.colour}
+        frame = Frame(camera, textures, rasteriser.depth, None, facts, stages.times)
         if "filter" in wanted:
             with stages("filter"):
                 step = self._filtered(settings, rasteriser)
-            textures["filtered"], mask = step.filtered, step.mask
+            textures["filtered"], frame.mask_texture = step.filtered, step.mask
             if "fill" in wanted:
                 network = None
                 if "network" in wanted:
                     network = self._neural_for(settings, background=defer_network or streaming)
-                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, mask, network)
+                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, step.mask, network,
+                                                   with_depth=filled_depth)
+                if filled_depth:
+                    frame.filled_depth = self._passes.fill_pass().depth
                 if network is not None:
-                    facts = self._run_network(network, camera, facts, textures, deferred=defer_network, streaming=streaming)
+                    frame.facts = self._runs.run(network, frame, self._serial, deferred=defer_network, streaming=streaming,
+                                                 keep=keep_network, missing=self.pages.missing)
         stages.end()
-        return Frame(camera, {v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
+        frame.textures = {view: textures[view] for view in views if view in textures}
+        return frame
 
-    def _begin(self, size: tuple[int, int], *, neural: bool) -> None:
+    def _begin(self, size: tuple[int, int], *, neural: bool, keep_network: bool) -> None:
         """Uses the passes of a picture size, where nothing speaks against it.  Raises DeviceError, DeviceLostError."""
-        for stage in self._sizes.networks:
-            stage.drop()  # what it may still run is a picture that this one replaces
+        if not keep_network:
+            for stage in self._sizes.networks:
+                stage.drop()  # what it may still run is a picture that this one replaces
+            self._runs.forget_earlier()
         if not self.device.software and context_lost(self.context):
             raise DeviceLostError(LOST)
         self._sizes.use(size)
@@ -183,7 +199,7 @@ class Renderer:
         return rasteriser, facts
 
     def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 mask: "moderngl.Texture", network: "NeuralStage | None") -> "moderngl.Texture":
+                 mask: "moderngl.Texture", network: "NeuralStage | None", *, with_depth: bool) -> "moderngl.Texture":
         """The filled view; also writes the input of ``network``, where one is given."""
         stages, passes, level = self._stages, self._passes, None
         fill = passes.fill_pass()
@@ -196,28 +212,8 @@ class Renderer:
         with stages("fill"):
             fill.run(colour, confidence, rasteriser.depth, noise=level,
                      camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
-                     network=network.bridge.input if network else None)  # fmt: skip
+                     network=network.bridge.input if network else None, with_depth=with_depth)  # fmt: skip
         return fill.filled
-
-    def _run_network(self, network: "NeuralStage", camera: "Camera", facts: FrameFacts, textures: dict, *, deferred: bool,
-                     streaming: bool) -> FrameFacts:
-        """Adds the neural view to ``textures``, or starts what will add it; returns ``facts`` with what ran."""
-        pending = None
-        if deferred and network.deferrable:
-            pending = start_network(network, camera, self._stages, textures, serial=self._serial, wake=self._wake,
-                                    missing=self.pages.missing)
-        else:
-            network.drop()
-            if not (deferred or streaming):
-                network.settle()
-            with self._stages("network") as stage:
-                stage.elapsed = network.infer()
-            with self._stages("present"):
-                network.present(textures["filled"])
-            network.presented = camera.key
-            textures["neural"] = network.picture
-        return replace(facts, device=network.device, network=network.name, bridge=network.bridge_name, network_pending=pending,
-                       approximations=(*facts.approximations, *network.approximations))
 
     def finish_network(self, frame: Frame) -> bool:
         """Adds the neural view to a frame that was rendered with ``defer_network``, if its network has ended.
@@ -225,7 +221,12 @@ class Renderer:
         Returns whether it was added: False while the network runs, and where another picture was rendered since.
         Raises DeviceError where the network failed.
         """
-        return finish_network(self._passes.neural, self._passes.fill, frame, self._serial)
+        return self._runs.finish(self._passes.neural, self._passes.fill, frame, self._serial)
+
+    def finish_earlier(self, target: "moderngl.Texture") -> bool:
+        """Writes the neural picture whose network went on (``keep_network``) into ``target``, of its size, once it has ended;
+        its alpha is the network's own.  Returns whether it did.  Raises DeviceError where the network failed."""
+        return self._runs.finish_earlier(target)
 
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
         """Starts loading the points of a future picture to the GPU, as many as one frame may upload; returns how many are

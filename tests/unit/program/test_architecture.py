@@ -37,6 +37,7 @@ SAME_NAME: dict[str, str] = {
     "hole_test": "the reference implementation in model/, the pass in viewer/render/",
     "measure": "measurements, and the window's tool for them",
     "noise_level": "the reference implementation in model/, the pass in viewer/render/",
+    "reprojection": "the reference implementation in model/, the pass in viewer/render/",
     "scanner_positions": "what a file says (model/common), and what is inferred from the order of points (viewer/preprocess)",
     "spacing": "the same measure, of training data and of a grid",
     "stations": "scanner stations of training data, and of a frame",

@@ -7,7 +7,7 @@ Two ways to run: :meth:`NeuralStage.infer` at once, for headless pictures; and :
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .background_capture import BackgroundRunner
 from .bridge import Network, ReadBackBridge
 from .choose_bridge import make_bridge
 from .network_thread import NetworkThread
+
+if TYPE_CHECKING:
+    import moderngl
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
@@ -56,11 +59,13 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
     return _networks[key]
 
 
-def unpacking(programs: shader.Programs, *, copied: bool) -> Pass:
-    """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer."""
-    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural",),
-                inputs=("filled", "copied") if copied else ("filled",), buffers=() if copied else ("NETWORK",),
-                COPIED=1 if copied else None)  # fmt: skip
+def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True) -> Pass:
+    """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer.  bounded: the filled
+    picture's alpha is a bound."""
+    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()))
+    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural",), inputs=inputs,
+                buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
+                BOUNDED=1 if bounded else None)  # fmt: skip
 
 
 class NeuralStage:
@@ -98,6 +103,8 @@ class NeuralStage:
             if failure := device_failure(error):
                 raise failure from error
             raise
+        self._programs = programs
+        self._unpack_alone: Pass | None = None  # made when it is first needed
         self._unpack = unpacking(programs, copied=isinstance(self.bridge, ReadBackBridge))
         self.picture = self.context.texture(size, 4, dtype="f1")
 
@@ -181,13 +188,29 @@ class NeuralStage:
 
         Returns the network's milliseconds, or None while it runs.  Raises DeviceError as :meth:`infer`.
         """
+        milliseconds = self._take(serial)
+        if milliseconds is not None:
+            self.present(filled)
+        return milliseconds
+
+    def finish_into(self, serial: int, target: "moderngl.Texture") -> bool:
+        """Writes the picture ``serial`` into ``target`` if its network has ended: without the bound of its filled picture,
+        which may be gone.  Returns whether it did.  Raises DeviceError as :meth:`infer`."""
+        if self._take(serial) is None:
+            return False
+        assert isinstance(self.bridge, ReadBackBridge)
+        self._unpack_alone = self._unpack_alone or unpacking(self._programs, copied=True, bounded=False)
+        self._unpack_alone.run(target, inputs={"copied": self.bridge.output_texture()})
+        return True
+
+    def _take(self, serial: int) -> float | None:
+        """Uploads the result of ``serial`` and returns the network's milliseconds; None while it runs."""
         done = self._thread.take(serial)
         if done is None:
             return None
         if done.error is not None:
             self._fail(done.error)
         self.bridge.output.write(done.made)
-        self.present(filled)
         return done.milliseconds
 
     @property

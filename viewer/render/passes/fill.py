@@ -42,7 +42,8 @@ class _Noise:
 
 class Fill:
     """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 where there is background) and, where
-    asked, the network's input."""
+    asked, ``depth`` (R32F, view-space z in file units of the filled picture, 0 where it is not opaque) and the network's input.
+    """
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
         context = programs.context
@@ -55,16 +56,18 @@ class Fill:
         self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
         self._hole_test = HoleTest(programs, size, self._weights)
         self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
+        self.depth: moderngl.Texture | None = None  # made when it is first asked for
         self._noise: _Noise | None = None  # made when a noise level is first given
         self._programs = programs
         self._passes: dict[tuple, Pass] = {}
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             around: Directions, spacing: float, network: "Storage | None" = None,
-            noise: moderngl.Texture | None = None) -> None:
+            noise: moderngl.Texture | None = None, with_depth: bool = False) -> None:
         """around: the directions from the camera position.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
-        nothing is measured; None: 0 everywhere.  It is filled for the network only."""
+        nothing is measured; None: 0 everywhere.  It is filled for the network only.
+        with_depth: whether ``depth`` is written, too."""
         if network is None:
             noise = None
         feature_scale = 1.0 / (camera.fx * spacing)
@@ -80,9 +83,13 @@ class Fill:
             inputs["closed"] = self._closed
             uniforms["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             uniforms["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        push = self._pass("fill_picture.comp", ("filled",), inputs, uniforms, base=True, noise=noise is not None,
-                          writes=network is not None, ALIKE=view, SEALED=SEALED)
-        push.run(self.filled, inputs=inputs, buffers={} if network is None else {"NETWORK": network}, **uniforms)
+        outputs = {"filled": self.filled}
+        if with_depth:
+            self.depth = self.depth or self.context.texture(self.size, 1, dtype="f4")
+            outputs["filled_depth"] = self.depth
+        push = self._pass("fill_picture.comp", tuple(outputs), inputs, uniforms, base=True, noise=noise is not None,
+                          writes=network is not None, ALIKE=view, SEALED=SEALED, DEPTH=1 if with_depth else None)
+        push.run(*outputs.values(), inputs=inputs, buffers={} if network is None else {"NETWORK": network}, **uniforms)
 
     def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
         """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0."""
@@ -126,12 +133,13 @@ class Fill:
             constants = (_CONSTANTS if base else {}) | (_BACKGROUND if background else {})
             self._passes[key] = Pass(
                 self._programs, "fill", shader, outputs=outputs, inputs=tuple(inputs), uniforms=tuple(uniforms),
-                buffers=("NETWORK",) if writes else (), block=2 if outputs == ("filled",) else 1, BASE=base or None,
+                buffers=("NETWORK",) if writes else (), block=2 if "filled" in outputs else 1, BASE=base or None,
                 NOISE=noise or None, NETWORK=1 if writes else None, **constants, **defines)
         return self._passes[key]
 
     def release(self) -> None:
         carried = [*self._noise.values, *self._noise.pushed] if self._noise else []
-        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *carried):
+        depth = [] if self.depth is None else [self.depth]
+        for resource in (self.filled, self._closed, *depth, *self._values, *self._weights, *self._pushed, *carried):
             resource.release()
         self._hole_test.release()

@@ -17,7 +17,9 @@ class Plan:
     out.  moving: while the camera moves.  scale: of the internal resolution, 1 is the picture's own.
     deferred: the network runs on its own thread, and the filled view stands in until it has ended.
     contended: coarse while moving, because a network of an earlier picture runs on the processors that draw.
-    network: the quality that the neural view is drawn with, None without one."""
+    network: the quality that the neural view is drawn with, None without one.
+    keyframes: the quality of the network that runs beside the pictures where the filled view stands in for the neural one, so
+    that what it made last can be moved; else None."""
 
     views: tuple[str, ...]
     level: float | None
@@ -27,12 +29,14 @@ class Plan:
     deferred: bool = False
     contended: bool = False
     network: str | None = None
+    keyframes: str | None = None
 
 
 class RefinementState:
     """dirty: whether it must be made again.  made: how it was made, None where there is none.  spec: the description that was
     drawn, None before the first.  pending: the plan whose network is still running, or whose points are still arriving; None
     otherwise.
+    moved: share of the pixels on the screen that were moved from an earlier neural picture, None where none was made for it.
     approximations: what of the picture is not exact.  cost: of it, or of the one before.
     adaptive_lod: what a picture may leave out.  contended: whether a network runs on the processors that draw."""
 
@@ -45,6 +49,7 @@ class RefinementState:
         self.pending: Plan | None = None
         self.cost: FrameCost | None = None
         self.approximations: Sequence[str] = ()
+        self.moved: float | None = None
 
     def begin(self, points: int) -> None:
         """A scene of so many points is shown now, and there is no picture of it yet."""
@@ -65,10 +70,12 @@ class RefinementState:
         if "neural" in views:
             network = adaptive.network(networks, moving=moving, resizing=resizing, contended=contended)
         drawn = tuple("filled" if view == "neural" and network is None else view for view in views)
+        stands_in = "neural" in views and network is None and not resizing
         levels = [level for level in (lod, adaptive.level(moving=moving, contended=contended)) if level is not None]
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
                     adaptive.scale(moving=moving, contended=contended), contended=contended,
-                    deferred="neural" in drawn and not moving, network=network)
+                    deferred="neural" in drawn and not moving, network=network,
+                    keyframes=networks[-1] if stands_in else None)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""

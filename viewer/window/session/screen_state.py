@@ -81,7 +81,9 @@ class ScreenState:
             made.append(f"the {smaller} network while moving")
         if self.drawn != self._view_settings.sides and "neural" in self._view_settings.sides:
             resizing = "while resizing" if self._area.settles_in > 0 else "until the network has run"
-            made.append(f"filled {'while moving' if self._flight.moving else resizing}")
+            when, moved = "while moving" if self._flight.moving else resizing, self._picture.moved
+            made.append(f"filled {when}" if moved is None else
+                        f"{100 * moved:.0f} % moved from the last neural picture, the rest filled {when}")
         elif self._picture.pending is not None:
             made.append("network running: this picture has the settings before")
         return made

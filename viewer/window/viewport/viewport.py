@@ -22,6 +22,7 @@ from ..kit.frame_rate import FrameRate
 from ..planning.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from ..session.loading import Loaded
 from ..session.session import Session
+from .moved_picture import MovedPicture
 from .photo_layer import PhotoLayer
 from .pixel_reader import PixelReader
 from .present import Canvas
@@ -48,9 +49,9 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
     return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
 
 
-def as_planned(spec: "PictureSpec", plan: "Plan") -> "PictureSpec":
-    """The description of what is rendered for ``spec``, with what the plan leaves out."""
-    settings = replace(spec.settings, lod=plan.level, quality=plan.network or spec.settings.quality)
+def as_planned(spec: "PictureSpec", plan: "Plan", begun: str | None) -> "PictureSpec":
+    """The description of what is rendered for ``spec``, with what the plan leaves out.  begun: the network started besides."""
+    settings = replace(spec.settings, lod=plan.level, quality=plan.network or begun or spec.settings.quality)
     return replace(spec, camera=scaled(spec.camera, plan.scale), settings=settings, views=plan.views)
 
 
@@ -71,11 +72,14 @@ class Viewport:
         self._composer = Composer(context)
         self.pixels = PixelReader(context)
         self.photos = PhotoLayer(context, self.pixels)
+        self.moved = MovedPicture(context, self._programs)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
         self._unreported: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
+        self._asked: tuple[str, ...] = ()  # the views that those stand for
+        self._moved_frame: Frame | None = None  # the last picture with a moved neural picture as its filled view
         self._seen = Occlusion()
         self._unseen: Frame | None = None  # the picture that may show no point of the scene
         self._problem: str | None = None
@@ -125,8 +129,11 @@ class Viewport:
 
     def _forget(self, renderer: "Renderer | None") -> None:
         """Uses another renderer, which has made no picture yet."""
-        self.renderer, self.frame, self._shown, self._unreported, self._problem = renderer, None, (), None, None
+        self.renderer, self.frame, self._unreported, self._problem = renderer, None, None, None
+        self._shown = self._asked = ()
         self.photos.clear()
+        self.moved.forget()
+        self._moved_frame = None
         self.pixels.forget()
         self._unseen = None
 
@@ -163,22 +170,28 @@ class Viewport:
         session, renderer = self._session, self.renderer
         if renderer is None:
             return
-        session.picture.contended = self.shares_processors and renderer.network_busy
-        plan, spec = session.screen.plan, session.spec
-        planned = as_planned(spec, plan)
+        session.picture.contended = self.shares_processors and renderer.network_busy and not renderer.keeps_network
+        plan, spec, begun = session.screen.plan, session.spec, None
         try:
-            self.frame = render(renderer, planned, self._seen if plan.hides else None,
-                                more=("filled",) if plan.deferred else (), streaming=True, defer_network=plan.deferred)
+            begun = self.moved.prepare(spec, plan, renderer)
+            more = (*(("filled",) if plan.deferred else ()), *(("neural",) if begun else ()))
+            frame = self.frame = render(
+                renderer, as_planned(spec, plan, begun), self._seen if plan.hides else None, more=more, streaming=True,
+                defer_network=plan.deferred or begun is not None, filled_depth="neural" in spec.views,
+                keep_network=plan.moving and plan.keyframes is not None)
+            self._moved_frame = self.moved.drew(frame, spec, begun=renderer.keeps_network and begun is not None)
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
             self.frame = self._unreported = None
             session.failed(error if str(error) else _NO_MEMORY)
             return
-        self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
+        session.picture.moved = self.moved.share
+        self._shown = tuple(view if view in frame.textures else "filled" for view in plan.views)
+        self._asked = spec.views
         self._rate.add(perf_counter())
-        self._report(plan, self.frame)
-        self._look_for_points(self.frame, plan)
+        self._report(plan if begun is None else replace(plan, contended=True), frame)
+        self._look_for_points(frame, plan)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
@@ -215,7 +228,8 @@ class Viewport:
             self.frame = self._unreported = None
             self._session.failed(error)
             return True
-        self._shown = plan.views
+        self._shown, self._moved_frame, self._session.picture.moved = plan.views, None, None
+        self.moved.arrive(frame.textures["neural"])
         self._session.completed(frame.cost)
         return True
 
@@ -255,16 +269,18 @@ class Viewport:
                 self.canvas.release()
             self.canvas = Canvas(self.context, self._programs, session.area.window_size)
         area = (*session.area.origin, *session.area.size)
-        sides = [self._developed(view, wait=session.flight.moving) for view in self._shown] if self.frame is not None else []
+        shown = zip(self._shown, self._asked, strict=True) if self.frame is not None else ()
+        sides = [self._developed(view, wait=session.flight.moving, moved=view != asked) for view, asked in shown]
         column = split_column(chosen.split_at, session.area.size[0])
         self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
 
-    def _developed(self, view: str, *, wait: bool = True) -> "moderngl.Texture":
-        """A view of the last picture as its description has it.  wait: for the photograph over it, which else follows later."""
+    def _developed(self, view: str, *, wait: bool = True, moved: bool = False) -> "moderngl.Texture":
+        """A view of the last picture as its description has it.  wait: for the photograph over it, which else follows later.
+        moved: as it stands in for the neural one."""
         spec, photo = self._session.picture.spec, self._session.work.photo
         assert self.frame is not None and spec is not None
-        made = self._composer.texture(self.frame, view, spec)
+        made = self._composer.texture(self._moved_frame or self.frame if moved else self.frame, view, spec)
         if photo is None or self.renderer is None:
             return made
         return self.photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene,
@@ -290,13 +306,13 @@ class Viewport:
             return None
         plan, spec = session.screen.full_plan, session.spec
         if self.frame is None or not session.screen.exact:
-            self.frame, self._shown = render(self.renderer, spec), spec.views
+            self.frame, self._shown, self._asked = render(self.renderer, spec), spec.views, spec.views
             self._report(plan, self.frame)
         images = [read_picture(self._developed(view)) for view in spec.views]
         return joined(images, spec.background, spec.views, spec.split_at)
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._composer, self.photos, self.pixels, self._programs):
+        for owned in (self.renderer, self.canvas, self._composer, self.photos, self.moved, self.pixels, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

@@ -1,0 +1,129 @@
+"""Reprojection and the depth of the filled picture against their references, and what a moved picture must never do."""
+
+import numpy as np
+import pytest
+from clouds import room
+
+from pointglass.model.network.network_layout import DEPTH_FEATURE_SCALE
+from pointglass.model.reference.reprojection import COUNTED, SHARE, reprojected
+from pointglass.viewer.picture.camera import Camera, from_fov, look_at
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.passes.reprojection import Keyframe, Reprojection
+from pointglass.viewer.render.renderer import Renderer
+
+pytestmark = pytest.mark.gl
+NEAR = 2.01
+"""Levels of 255: the result is rounded to a whole level, and textures are interpolated in steps of 1/256 (OpenGL 4.6, 8.14)."""
+FEW = 1e-2
+"""Of the pixels: those on a border between two pixels or depths fall to either side in float32."""
+
+
+def opaque(rng, height: int, width: int, holes: float) -> tuple[np.ndarray, np.ndarray]:
+    """A random picture, premultiplied, and the depth of its pixels: planes and steps; 0 where it is not opaque."""
+    alpha = np.where(rng.random((height, width, 1)) < holes, rng.integers(0, 255, (height, width, 1)), 255)
+    picture = np.concatenate([rng.integers(0, 256, (height, width, 3)) * alpha // 255, alpha], axis=-1).astype(np.uint8)
+    x, y = np.meshgrid(np.linspace(0, 1, width), np.linspace(0, 1, height))
+    depth = 3.0 + rng.uniform(-0.1, 0.1) * x + rng.uniform(-0.1, 0.1) * y + 2.0 * (x > rng.uniform(0.4, 0.6))
+    return picture, np.where(alpha[..., 0] == 255, depth, 0.0).astype(np.float32)
+
+
+def lens(camera: Camera) -> np.ndarray:
+    return np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+
+
+def texture(context, array):
+    width, height = array.shape[1], array.shape[0]
+    kind = "f4" if array.dtype == np.float32 else "f1"
+    return context.texture((width, height), 1 if array.ndim == 2 else 4, array.tobytes(), alignment=1, dtype=kind)
+
+
+def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_camera):
+    """The result and the share of moved pixels."""
+    programs = Programs(context)
+    keyframe = Keyframe(context, (earlier_camera.width, earlier_camera.height))
+    step = Reprojection(programs, (camera.width, camera.height))
+    textures = [texture(context, array) for array in (filled, depth, earlier_depth)]
+    try:
+        keyframe.take_depth(earlier_camera, textures[2])
+        keyframe.take_picture(earlier)
+        result = step.run(textures[0], textures[1], camera, keyframe)
+        made = np.frombuffer(result.read(alignment=1), np.uint8).reshape(camera.height, camera.width, 4)
+        return made.copy(), step.share
+    finally:
+        for owned in (programs, keyframe, step, *textures):
+            owned.release()
+
+
+@pytest.mark.parametrize("scale", [1, 2, 3])
+def test_a_moved_picture_is_that_of_the_reference(context, seed, scale):
+    """scale: times the sides of the filled picture that the result has."""
+    rng = np.random.default_rng(seed)
+    rows, columns, size = *rng.integers(20, 50, 2), tuple(int(n) for n in rng.integers(50, 90, 2))
+    width, height = int(columns) * scale, int(rows) * scale
+    filled, depth = opaque(rng, rows, columns, 0.1)
+    earlier, earlier_depth = opaque(rng, size[1], size[0], 0.1)
+    eye = np.array([5e5, 4e6, 100.0])
+    pose = look_at(eye, eye + (1, 0.02, 0))
+    camera = Camera(width, height, width * 0.9, width * 0.9, width / 2, height / 2, pose)
+    other = Camera(*size, size[0] * 0.8, size[0] * 0.8, size[0] / 2, size[1] / 2,
+                   look_at(eye + rng.uniform(-0.15, 0.15, 3), eye + (1, *rng.uniform(-0.05, 0.05, 2))))
+    made, share = moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, other)
+    turn = other.view_rotation @ camera.view_rotation.T
+    shift = other.view_rotation @ (np.asarray(camera.position) - other.position)
+    wanted, moved = reprojected(filled, depth, earlier, earlier_depth, turn, shift, lens(camera), lens(other), (width, height))
+    assert moved.mean() > 0.005, "or nothing is tested"
+    differs = (np.abs(made - wanted) > NEAR).any(axis=-1)
+    assert differs.mean() < FEW, f"{differs.sum()} pixels differ, by {np.abs(made - wanted)[differs].max(axis=-1).round(1)}"
+    assert abs(share - moved[::COUNTED, ::COUNTED].mean()) < 0.05
+
+
+def test_from_the_same_place_each_colour_is_mixed_with_its_own(context, seed):
+    rng = np.random.default_rng(seed)
+    filled, depth = opaque(rng, 40, 64, 0.2)
+    depth[depth > 0] = 2.0
+    near = np.clip(filled[..., :3].astype(int) + rng.integers(-40, 41, (40, 64, 3)), 0, 255)
+    earlier = np.concatenate([near, filled[..., 3:]], axis=-1).astype(np.uint8)
+    camera = Camera(64, 40, 50.0, 50.0, 32.0, 20.0, look_at(np.zeros(3), (1.0, 0, 0)))
+    made, share = moved_by_gl(context, filled, depth, camera, earlier, depth, camera)
+    solid = depth > 0
+    padded = np.pad(filled[..., :3].astype(float), ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.stack([padded[y : y + 40, x : x + 64] for y in range(3) for x in range(3)])
+    bounded = np.clip(earlier[..., :3], around.min(axis=0), around.max(axis=0))
+    wanted = (1 - SHARE) * filled[..., :3] + SHARE * bounded
+    assert np.abs(made[..., :3] - wanted)[solid].max() < NEAR
+    assert np.array_equal(made[~solid], filled[~solid]), "what is not opaque stays as it was filled"
+    assert share == pytest.approx(solid[::COUNTED, ::COUNTED].mean())
+
+
+def test_what_the_earlier_camera_did_not_see_stays_as_it_was_filled(context, seed):
+    rng = np.random.default_rng(seed)
+    filled, depth = opaque(rng, 40, 64, 0.0)
+    here = Camera(64, 40, 50.0, 50.0, 32.0, 20.0, look_at(np.zeros(3), (1.0, 0, 0)))
+    behind = Camera(64, 40, 50.0, 50.0, 32.0, 20.0, look_at(np.zeros(3), (-1.0, 0, 0)))
+    for camera, other_depth in ((behind, depth), (here, np.zeros_like(depth)), (here, 1.2 * depth)):
+        made, share = moved_by_gl(context, filled, depth, here, 255 - filled, other_depth, camera)
+        assert np.array_equal(made, filled) and share == 0
+
+
+@pytest.mark.parametrize("network", [False, True])
+def test_the_depth_of_the_filled_picture_is_that_which_the_network_is_given(context, seed, network):
+    scene = room(seed)
+    camera = from_fov(120, 90, 70.0, look_at((3.0, 2.5, 1.5), (6.0, 3.0, 1.0)))
+    renderer = Renderer(context, scene)
+    try:
+        frame = renderer.render(camera, Settings(view="filled"), ("filled", "neural") if network else ("filled",),
+                                filled_depth=True)
+        assert frame.filled_depth is not None
+        depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(90, 120)
+        alpha, plain = frame.image("filled")[..., 3], frame.image("filled")
+        renderer.render(camera, Settings(view="neural"))
+        packed = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.float16).reshape(90, 120, 8)
+        again = renderer.render(camera, Settings(view="filled"))
+        assert np.array_equal(again.image("filled"), plain) and again.filled_depth is None
+    finally:
+        renderer.release()
+    told = 2.0 ** (packed[..., 4].astype(float) / DEPTH_FEATURE_SCALE) * camera.fx * scene.spacing
+    solid = alpha == 255
+    assert solid.mean() > 0.5 and (depth[~solid] == 0).all()
+    assert np.abs(depth[solid] / told[solid] - 1).max() < 5e-3  # a half float of the feature is 0.3 % of the depth

@@ -1,0 +1,110 @@
+"""Reprojection: the last neural picture, moved to the camera of a filled one.
+
+While the camera moves on a processor, the network has no time for every picture.  The picture that it made last is then moved
+to the present camera by the depth of both pictures; see shaders/reproject.comp.  ``model/reference/reprojection.py`` is the
+reference implementation.  ``render`` knows nothing of this: a window does it, with the pictures of its past.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE
+from ..device.compute_pass import Pass
+from ..device.context import describe_device
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ...picture.camera import Camera
+    from ..device.shader import Programs
+
+_CONSTANTS = {"SAME_DEPTH": SAME_DEPTH, "SHARE": SHARE, "MOST_NEARER": MOST_NEARER, "FADES_OVER": FADES_OVER,
+              "COUNTED": COUNTED}
+
+
+class Keyframe:
+    """A neural picture, and the depth of its pixels; owns both textures.  camera: None until the depth was taken."""
+
+    def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
+        self.size = size
+        self.picture = context.texture(size, 4, dtype="f1")
+        self.depth = context.texture(size, 1, dtype="f4")
+        self._targets = [context.framebuffer([texture]) for texture in (self.picture, self.depth)]
+        self._context = context
+        self.camera: Camera | None = None
+
+    def take_depth(self, camera: "Camera", depth: "moderngl.Texture") -> None:
+        """Copies the depth of a filled picture, of which the neural picture follows."""
+        self.camera = camera
+        self._copy(depth, 1)
+
+    def take_picture(self, picture: "moderngl.Texture | np.ndarray") -> None:
+        """Copies the neural picture, (H, W, 4) uint8."""
+        if isinstance(picture, np.ndarray):
+            self.picture.write(np.ascontiguousarray(picture))
+        else:
+            self._copy(picture, 0)
+
+    def _copy(self, texture: "moderngl.Texture", target: int) -> None:
+        source = self._context.framebuffer([texture])
+        self._context.copy_framebuffer(self._targets[target], source)
+        source.release()
+
+    def release(self) -> None:
+        for owned in (*self._targets, self.picture, self.depth):
+            owned.release()
+
+
+class Reprojection:
+    """Owns the result of one picture size.
+
+    share: of the pixels, those that were moved, 0 to 1: of the picture before the last one on a GPU, which is not waited for.
+    """
+
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
+        self._programs, self.size = programs, size
+        self.result = programs.context.texture(size, 4, dtype="f1")
+        self._tally = programs.context.buffer(bytes(4))
+        self._waits = describe_device(programs.context).software
+        self.share = 0.0
+        self._passes: dict[bool, Pass] = {}
+
+    def run(self, filled: "moderngl.Texture", depth: "moderngl.Texture", camera: "Camera", keyframe: Keyframe
+            ) -> "moderngl.Texture":
+        """``filled`` with the colours of ``keyframe`` where both show the same surface, in ``result``.
+
+        camera: of ``filled`` at the size of the result; the picture itself may be smaller.  depth: Frame.filled_depth.
+        """
+        earlier = keyframe.camera
+        assert earlier is not None
+        turn = earlier.view_rotation @ camera.view_rotation.T
+        shift = earlier.view_rotation @ (np.asarray(camera.position) - earlier.position)
+        if not self._waits:
+            self._count()
+        self._tally.clear()
+        self._pass(filled.size != self.size).run(
+            self.result, inputs={"filled": filled, "filled_depth": depth, "earlier": keyframe.picture,
+                                 "earlier_depth": keyframe.depth}, buffers={"COMMANDS": self._tally},
+            turn=tuple(turn.T.ravel()), shift=tuple(shift),
+            ray=(1 / camera.fx, 1 / camera.fy, -camera.cx / camera.fx, -camera.cy / camera.fy),
+            lens=(earlier.fx, earlier.fy, earlier.cx, earlier.cy))
+        if self._waits:
+            self._count()
+        return self.result
+
+    def _count(self) -> None:
+        counted = -(-self.size[0] // COUNTED) * -(-self.size[1] // COUNTED)
+        self.share = int(np.frombuffer(self._tally.read(), np.uint32)[0]) / counted
+
+    def _pass(self, smaller: bool) -> Pass:
+        if smaller not in self._passes:
+            self._passes[smaller] = Pass(
+                self._programs, "reprojection", "reproject.comp", outputs=("result",),
+                inputs=("filled", "filled_depth", "earlier", "earlier_depth"), buffers=("COMMANDS",),
+                uniforms=("turn", "shift", "ray", "lens"), block=2, SMALLER=1 if smaller else None, **_CONSTANTS)
+        return self._passes[smaller]
+
+    def release(self) -> None:
+        self.result.release()
+        self._tally.release()
