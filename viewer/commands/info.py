@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...model.appearance.noise import NoiseModel
+from ...model.common.printable import printable
 from ...model.common.scanner_positions import stations_differ
 from ..common.text import counted
 from ..grid.cache import CacheError
@@ -117,7 +118,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
         rows.append(("grid", f"{len(scene.cell_coords):,} cells of {scene.cell_size:g}, {scene.layers} layers"))
         rows.append(("packed", f"{scene.count * 12 / 1e6:,.1f} MB, positions {scene.step:.2g} apart"))
     rows += [("warning", text) for text in meta.warning_texts]
-    return "\n".join(f"{name:<8} {value}" for name, value in rows)
+    return "\n".join(f"{name:<8} {printable(value)}" for name, value in rows)  # a name in a file may hold tabs and newlines
 
 
 _NAMED = 8

@@ -138,13 +138,14 @@ def _fly(app: "App", view: str, cameras: Sequence["Camera"], done) -> dict:
 
 
 def _frame_facts(app: "App") -> dict:
-    """Facts of the displayed picture: internal resolution, points per pixel (None: all), view, network, and the renderer's
-    time."""
+    """Facts of the displayed picture: internal resolution, points per pixel (None: all), view, network, share of its pixels
+    moved from an earlier neural picture (None: none was made for it), and the renderer's time."""
     made, cost = app.session.picture.made, app.session.picture.cost
     assert made is not None
     view = made.views[-1]
     return {"resolution": made.scale, "points_per_pixel": made.level, "points": cost and cost.points_drawn, "view": view,
-            "network": cost.facts.network if cost and view == "neural" else None, "render_ms": cost and cost.total_ms}
+            "network": cost.facts.network if cost and view == "neural" else None, "moved": app.session.picture.moved,
+            "render_ms": cost and cost.total_ms}
 
 
 def _on_screen(app: "App") -> np.ndarray:
@@ -182,6 +183,9 @@ def rows(result: dict) -> list[tuple[str, str]]:
              _shares(["all" if (level := frame["points_per_pixel"]) is None else f"{level:g}" for frame in drawn])),
             (f"{view}: drawn", _shares([frame["network"] or frame["view"] for frame in drawn])),
         ]
+        if moved := [frame["moved"] for frame in drawn if frame["moved"] is not None]:
+            share, frames = np.median(moved), len(moved) / len(drawn)
+            out.append((f"{view}: moved from an earlier picture", f"{share:.0%} of the pixels, in {frames:.0%} of the frames"))
     return out
 
 

@@ -1,0 +1,17 @@
+"""The lines of ``info``: a name in a file may hold anything, and never makes a line of its own."""
+
+import numpy as np
+
+from pointglass.viewer.commands.info import format_text
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
+
+
+def test_a_scan_whose_name_has_newlines_and_tabs_has_one_line(seed):
+    rng = np.random.default_rng(seed)
+    names = ScanDescription(scans=(ScanSummary("hall\nwarning  all is well", 50), ScanSummary("\ttwo\x1b[2J", 50)))
+    scene = scene_from_arrays(rng.random((100, 3)), np.zeros((100, 3), np.uint8), meta=names)
+    lines = format_text(scene).split("\n")
+    assert [line for line in lines if line.startswith("scan ")] == [
+        "scan     hall warning all is well: 50 points, no pose", r"scan     two\x1b[2J: 50 points, no pose"]
+    assert not any(line.startswith("warning  all") for line in lines) and all(line.isprintable() for line in lines)
