@@ -116,6 +116,42 @@ def evaluate(measurement: Measurement) -> Result:
     return Result(value, spread, POWERS[measurement.kind], residual)
 
 
+@dataclass(frozen=True)
+class Components:
+    """Of the way from the first to the second point of a distance, file units.  along: dx, dy, dz, signed, along the axes of
+    the file.  horizontal: the length across the up axis.  vertical: signed along it.  uncertainty: of each, expanded (k = 2).
+    """
+
+    along: Vector
+    horizontal: float
+    vertical: float
+    uncertainty: float
+
+
+def components(measurement: Measurement) -> Components | None:
+    """The parts of a distance; None of other kinds.
+
+    Each part changes by as much as a point moves along it (its derivative by each point has length 1), so that all have the
+    uncertainty of the distance itself.
+    """
+    if measurement.kind != "distance":
+        return None
+    first, second = (np.array(point.position, np.float64) for point in measurement.points)
+    way, up = second - first, np.array(measurement.up)
+    vertical = float(way @ up)
+    spread = COVERAGE * float(np.sqrt(sum(point.variance for point in measurement.points)))
+    dx, dy, dz = way.tolist()
+    return Components((dx, dy, dz), float(np.linalg.norm(way - vertical * up)), vertical, spread)
+
+
+def components_text(parts: Components, unit: str) -> str:
+    """Two lines, ``horizontal 3.998, vertical -0.012 m`` and ``dx 3.101, dy 2.523, dz -0.012 m``, with the digits of
+    :func:`text_of`: the uncertainty of each is that of the distance."""
+    digits = _decimals(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1))
+    horizontal, vertical, dx, dy, dz = (f"{value:.{digits}f}" for value in (parts.horizontal, parts.vertical, *parts.along))
+    return f"horizontal {horizontal}, vertical {vertical} {unit}\ndx {dx}, dy {dy}, dz {dz} {unit}"
+
+
 def _length(points: np.ndarray) -> tuple[float, np.ndarray]:
     """Length of a line through (n, 3) points, and its derivative by each."""
     steps = np.diff(points, axis=0)
@@ -199,11 +235,14 @@ def _decimals(result: Result) -> int:
     return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))
 
 
-COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan")
+PARTS = ("horizontal", "vertical", "dx", "dy", "dz")
+COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan",
+           *PARTS)
 
 
 def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
-    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each."""
+    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each, and of a
+    distance its parts."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(COLUMNS)
@@ -212,10 +251,12 @@ def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None)
         result = evaluate(measurement)
         head = [measurement.name, measurement.kind, exact_text(result.value), exact_text(result.uncertainty),
                 "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", exact_text(result.residual)]
+        parts = components(measurement)
+        of_it = [""] * len(PARTS) if parts is None else [*map(exact_text, (parts.horizontal, parts.vertical, *parts.along))]
         for number, point in enumerate(measurement.points, 1):
-            first = head if number == 1 else [*head[:2], *[""] * 4]
+            first, last = (head, of_it) if number == 1 else ([*head[:2], *[""] * 4], [""] * len(PARTS))
             place = map(exact_text, point.position)
-            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan])
+            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan, *last])
     return out.getvalue()
 
 

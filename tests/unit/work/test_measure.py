@@ -13,6 +13,8 @@ from pointglass.viewer.work.measure import (
     KINDS,
     MeasuredPoint,
     Measurement,
+    components,
+    components_text,
     csv_text,
     evaluate,
     text_of,
@@ -53,6 +55,29 @@ def test_values_agree_with_plain_geometry(seed):
         result = evaluate(measurement("area", flat @ axes.T + shift))
         assert result.value == pytest.approx(shoelace(flat), rel=1e-6)
         assert result.residual < 1e-6
+
+
+def test_a_distance_has_parts_along_the_axes_and_the_up_axis_each_as_uncertain_as_repeated_measuring_shows(seed):
+    random = np.random.default_rng(seed)
+    up, shift, sigma = np.linalg.qr(random.normal(size=(3, 3)))[0][0], random.uniform(-1e6, 1e6, 3), 0.01
+    a, b = random.normal(size=(2, 3)) * 3 + shift
+    parts = components(measurement("distance", [a, b], sigma**2, vector(up)))
+    assert parts is not None and parts.along == pytest.approx(b - a)
+    assert parts.vertical == pytest.approx((b - a) @ up)
+    assert parts.horizontal == pytest.approx(np.linalg.norm(np.cross(b - a, up)))
+    assert np.hypot(parts.horizontal, parts.vertical) == pytest.approx(np.linalg.norm(b - a))
+    noise = random.normal(size=(3000, 2, 3)) * sigma
+    again = [components(measurement("distance", [a + s, b + t], sigma**2, vector(up))) for s, t in noise]
+    values = np.array([[one.horizontal, one.vertical, *one.along] for one in again if one is not None])
+    assert values.std(axis=0) == pytest.approx(np.full(5, parts.uncertainty / 2), rel=0.1)
+    assert components(measurement("height", [a, b])) is None
+
+
+def test_the_parts_are_written_with_the_digits_of_the_distance():
+    item = measurement("distance", [(0, 0, 0), (3, 4, -0.0123)], 0.002**2)
+    parts = components(item)
+    assert parts is not None and text_of(evaluate(item), "m") == "5.000 ± 0.006 m"
+    assert components_text(parts, "m") == "horizontal 5.000, vertical -0.012 m\ndx 3.000, dy 4.000, dz -0.012 m"
 
 
 def test_uncertainty_is_what_repeated_measuring_shows(seed):
@@ -115,5 +140,8 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
             row = rows[at]
             assert (row["name"], int(row["point"])) == (item.name, number)
             assert tuple(float(row[axis]) for axis in "xyz") == point.position
+            parts = components(item) if number == 1 else None
+            told = [row[name] for name in ("dx", "dy", "dz", "horizontal", "vertical")]
+            assert told == ([""] * 5 if parts is None else [repr(v) for v in (*parts.along, parts.horizontal, parts.vertical)])
             at += 1
     assert at == len(rows)

@@ -14,7 +14,18 @@ import numpy as np
 from ...common.errors import PointglassError
 from ...common.text import counted
 from ...work.document import replaced, unique_name, without
-from ...work.measure import KINDS, Begun, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from ...work.measure import (
+    KINDS,
+    Begun,
+    MeasuredPoint,
+    Measurement,
+    components,
+    components_text,
+    evaluate,
+    fitted_plane,
+    text_of,
+    write_csv,
+)
 from ...work.places.pick import Picked
 from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
@@ -237,6 +248,8 @@ class Measure(Tool):
                 ui.set_tooltip("Delete this measurement")
             result = evaluate(item)
             ui.text_wrapped(text_of(result, unit_of(context)))
+            if (parts := components(item)) is not None:
+                ui.text_wrapped(components_text(parts, unit_of(context)))
             if item.kind == "area":
                 ui.text_wrapped(f"corners lie {result.residual:.4f} {unit_of(context)} (RMS) off their plane")
             ui.pop_id()
