@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-fast faults hostile lint golden assets pictures docs wheel tag clean setup
+.PHONY: help demo test test-all test-fast faults hostile lint golden assets pictures docs wheel tag clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -14,8 +14,11 @@ setup:
 demo: setup  ## set up what is missing and open the demo scan (without a display: pictures in out/demo)
 	@.venv/bin/pointglass demo
 
-test: setup  ## set up what is missing, check the code, run every test
+test: setup  ## set up what is missing, check the code, run the tests
 	@.ci/test.sh
+
+test-all: setup  ## as test, and the larger forms of some tests (mark long)
+	@TEST_LONG=1 .ci/test.sh
 
 test-fast: setup  ## unit tests of the rooms that differ from the last commit (ROOMS="readers grid" for others)
 	@.ci/test_fast.sh $(ROOMS)

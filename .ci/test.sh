@@ -1,7 +1,10 @@
 #!/usr/bin/env bash
-# Checks the code and runs every test, in jobs side by side: `.ci/test.sh`, or `.ci/test.sh JOB...` for some of them.  One job more
+# Checks the code and runs the tests, in jobs side by side: `.ci/test.sh`, or `.ci/test.sh JOB...` for some of them.  One job more
 # than processors, because tests also wait.  What a job printed is shown when it has ended; the last line counts the tests of all
 # jobs.
+#
+# Tests with the mark `long` are larger forms of claims that other tests have too; `TEST_LONG=1 .ci/test.sh` runs them as well.
+# Few jobs: each loads the libraries again, 3 to 5 seconds.
 #
 # The tests of a folder keep their order.  Those of OpenGL share a context, and want no other's objects collected meanwhile.
 set -uo pipefail
@@ -10,21 +13,26 @@ unset PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: each wo
 # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
 export LP_NUM_THREADS=1
 
-JOBS=(unit-1 unit-2 unit-3 window gl-1 rest gl-2 hostile lint)  # the longest first, so that the last ones end together
+JOBS=(window unit-1 unit-2 gl rest hostile lint)  # the longest first, so that the last ones end together
+MARKS=(-m "not long")
+if [[ -n ${TEST_LONG:-} ]]; then
+    MARKS=()
+    export POINTGLASS_RANDOM_ACTIONS=${POINTGLASS_RANDOM_ACTIONS:-400}
+fi
+
+tests() {
+    .venv/bin/python -m pytest -q "${MARKS[@]}" "$@"
+}
 
 run_job() {
-    local python=.venv/bin/python
     case $1 in
-        lint) "$python" -m ruff check . && "$python" -m pyright --warnings ;;
-        unit-1) "$python" -m pytest -q tests/unit/{grid,interface,picture,program,readers,render} ;;
-        unit-2) "$python" -m pytest -q tests/unit/{bench,commands,common,exporting} ;;
-        unit-3) "$python" -m pytest -q tests/unit/{lab,model,window,work} ;;
-        window) "$python" -m pytest -q tests/window ;;
-        gl-1) "$python" -m pytest -q tests/gl/test_[a-o]*.py ;;
-        gl-2) "$python" -m pytest -q tests/gl/test_[!a-o]*.py ;;
-        hostile) "$python" -m pytest -q tests/hostile ;;
-        rest) "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl \
-            --ignore=tests/hostile ;;
+        lint) .venv/bin/python -m ruff check . && .venv/bin/python -m pyright --warnings ;;
+        unit-1) tests tests/unit/{grid,interface,picture,program,readers,render} ;;
+        unit-2) tests tests/unit/{bench,commands,common,exporting,lab,model,window,work} ;;
+        window) tests tests/window ;;
+        gl) tests tests/gl ;;
+        hostile) tests tests/hostile ;;
+        rest) tests tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl --ignore=tests/hostile ;;
         *) echo "no job is named $1; there are ${JOBS[*]}"; return 2 ;;
     esac
 }

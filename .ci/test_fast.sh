@@ -34,4 +34,4 @@ for room in "${rooms[@]}"; do
     fi
     folders+=("tests/unit/$room")
 done
-exec .venv/bin/python -m pytest -q -m "not slow" "${folders[@]}"
+exec .venv/bin/python -m pytest -q -m "not slow and not long" "${folders[@]}"

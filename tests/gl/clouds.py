@@ -3,7 +3,9 @@
 import numpy as np
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.camera import Camera, from_fov, look_at
+from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
 
 def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
@@ -21,6 +23,17 @@ def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 
     xyz = np.concatenate(parts) * scale + np.asarray(origin)
     rgb = rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8)
     return scene_from_arrays(xyz, rgb)
+
+
+def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 24_000):
+    """The room, each point one station's, by chance; nobody knows where those of ``unknown`` stood."""
+    rng = np.random.default_rng(seed)
+    xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
+    scan = rng.integers(0, places, len(xyz)).astype(np.uint8)
+    low, high = xyz.min(0), xyz.max(0)
+    scans = tuple(ScanSummary(f"station {s}", int((scan == s).sum()),
+                              None if s in unknown else tuple(rng.uniform(low, high).tolist())) for s in range(places))
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
 
 
 def slats(seed: int, scale: float = 1.0):

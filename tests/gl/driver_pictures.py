@@ -14,8 +14,7 @@ if __name__ == "__main__":
 
 import numpy as np
 import pytest
-from clouds import camera_in, room
-from test_stations import scanned
+from clouds import camera_in, room, scanned
 
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import box_around
@@ -28,9 +27,9 @@ from pointglass.viewer.render.passes.develop import Developer, read_picture
 from pointglass.viewer.render.renderer import RASTERISERS, Renderer
 
 SEED = 7
-SIZE, POINTS = (96, 72), 10_000
+SIZE, POINTS = (64, 48), 6_000
 """Of the pictures that other drivers make: softpipe interprets every instruction."""
-FEW = (POINTS, ((160, 120), (33, 21), (7, 3)))
+FEW = (10_000, ((160, 120), (33, 21), (7, 3)))
 """Points and sizes for ``pictures`` where every program has to run, no more: the first is for the directions of holes."""
 VIEWS = ("raw", "filtered", "filled")
 

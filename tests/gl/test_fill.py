@@ -4,9 +4,8 @@ channel."""
 import numpy as np
 import pytest
 import torch
-from clouds import camera_in, room
+from clouds import camera_in, room, scanned
 from reference import directions, looked_up, rays_met, reference_frame
-from test_stations import scanned
 
 from pointglass.model.network.network_layout import BACKGROUND, CLOSED, PACKED_IN
 from pointglass.model.reference.hole_test import OPACITY_LEVELS, coverage, far_inside

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from clouds import camera_in, room
+from clouds import camera_in, room, scanned
 from reference import reference_frame
-from test_stations import scanned
 
 from pointglass.model.appearance.noise import KNOTS, NoiseModel
 from pointglass.model.reference.noise_level import pixel_noise

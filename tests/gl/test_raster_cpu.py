@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clouds import before_slats, camera_in, room, slats
+from clouds import before_slats, camera_in, room, scanned, slats
 from test_edits import of_two_stations, random_clips
-from test_stations import scanned
 
 from pointglass.model.common.atomics import atomic_add, atomic_max
 from pointglass.model.common.jit import compiled

@@ -2,28 +2,16 @@
 
 import numpy as np
 import pytest
-from clouds import camera_in, room
+from clouds import camera_in, scanned
 from reference import reference_frame
 from test_frame import ALL, assert_agrees
 
 from pointglass.model.reference.projection import MAX_AVERAGED
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.settings import FILTERS, Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
 pytestmark = pytest.mark.gl
-
-
-def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 24_000):
-    """The room of the other tests, each point one station's, by chance; nobody knows where those of ``unknown`` stood."""
-    rng = np.random.default_rng(seed)
-    xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
-    scan = rng.integers(0, places, len(xyz)).astype(np.uint8)
-    low, high = xyz.min(0), xyz.max(0)
-    scans = tuple(ScanSummary(f"station {s}", int((scan == s).sum()),
-                              None if s in unknown else tuple(rng.uniform(low, high).tolist())) for s in range(places))
-    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
 
 
 @pytest.mark.parametrize("scale, unknown", [(1e-3, ()), (1.0, (1,)), (1e3, ()), (1e6, (1,))])

@@ -200,7 +200,7 @@ def test_type_checkers_and_editors_find_every_definition(installed, tmp_path):
     errors = [found["message"] for found in mine if found["severity"] == "error"]
     assert len(errors) == 1 and "nonsense" in errors[0], errors
 
-    ours = pyright(ROOT, "tests/unit/interface/test_python_interface.py", "tests/window/driver.py")
+    ours = pyright(ROOT, "tests/unit/interface/test_python_columns.py", "tests/window/driver.py")
     missing = [found for found in ours if "could not be resolved" in found["message"] or "of module" in found["message"]
                or "unknown import symbol" in found["message"]]
     assert missing == [], missing

@@ -1,4 +1,5 @@
-"""Random actions in a window, for ``test_random_actions.py``: ``python random_actions.py FOLDER ACTIONS SEED``.
+"""Random actions in a window, for ``test_random_actions.py``: ``python random_actions.py FOLDER ACTIONS SEED DEMO``.  DEMO: a
+small scan that stands for the demo.
 
 At regular intervals the scan is closed and OpenGL objects are counted; then the window is brought to the same state, and
 resident memory is taken there.  (While a scan is open, sizes of the picture in motion may have passes of their own, by chance
@@ -253,9 +254,11 @@ class Monkey:
         return objects
 
 
-def main(folder: Path, count: int, seed: int) -> None:
+def main(folder: Path, count: int, seed: int, scan: Path) -> None:
     from pointglass.model.common.process.memory import give_back
+    from pointglass.viewer.commands import demo
 
+    demo.demo_scan = lambda: scan
     d = Driver(folder)
     monkey = Monkey(d, seed)
     report: dict = {"actions": 0, "counted": [], "problem": None}
@@ -292,5 +295,5 @@ def main(folder: Path, count: int, seed: int) -> None:
 if __name__ == "__main__":
     from pointglass.model.common.process.background_threads import leave
 
-    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))
     sys.exit(leave(0))

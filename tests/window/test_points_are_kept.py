@@ -12,8 +12,8 @@ from pointglass.viewer.window.session.autosave import read_unsaved
 from pointglass.viewer.work.project import read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
-LINES = 1_500_000
-"""Of a text that takes a second to read from its beginning; a grid's cell in it is coarser than its last digit."""
+LINES = 800_000
+"""Of a text that takes half a second to read from its beginning; a grid's cell in it is coarser than its last digit."""
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Random actions in a window: no exception, no growth of memory, no growth in the number of OpenGL objects.
 
-The short version takes 200 actions; POINTGLASS_RANDOM_ACTIONS=2000 is the long one.  POINTGLASS_SEED repeats a run.
+The short version takes 100 actions, make test-all 400; POINTGLASS_RANDOM_ACTIONS=2000 is the long one.  POINTGLASS_SEED repeats
+a run.
 """
 
 import json
@@ -29,9 +30,9 @@ LAZY = 4
 count.  One more in each interval is a leak, and more than this."""
 
 
-def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_path, seed):
-    actions = int(os.environ.get("POINTGLASS_RANDOM_ACTIONS") or 200)
-    done = run_with_display("random_actions.py", tmp_path, str(actions), str(seed), seconds=120 + 0.6 * actions)
+def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(thin_demo, tmp_path, seed):
+    actions = int(os.environ.get("POINTGLASS_RANDOM_ACTIONS") or 100)
+    done = run_with_display("random_actions.py", tmp_path, str(actions), str(seed), str(thin_demo), seconds=120 + 0.6 * actions)
     path = tmp_path / "random.json"
     assert done.returncode == 0 and path.exists(), f"the window ended with {done.returncode}\n{done.stderr}"
     report = json.loads(path.read_text())

@@ -20,16 +20,16 @@ MEMORY = 1 << 30
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):
-    """400,000 points whose colours do not compress: more than 2 MB in each format."""
+    """100,000 points whose colours do not compress: more than 512 KB in each format."""
     rng, path = np.random.default_rng(1), tmp_path_factory.mktemp("scan") / "a.laz"
-    write_las(path, rng.random((400_000, 3)) * 10, rng.integers(0, 65536, (400_000, 3)).astype(np.uint16))
+    write_las(path, rng.random((100_000, 3)) * 10, rng.integers(0, 65536, (100_000, 3)).astype(np.uint16))
     return path
 
 
 @pytest.fixture(scope="module")
 def small_disk(tmp_path_factory):
     folder = tmp_path_factory.mktemp("disk")
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)], capture_output=True, text=True)
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", str(folder)], capture_output=True, text=True)
     if made.returncode:
         pytest.skip(f"a small disk cannot be mounted here: {made.stderr.strip()}")
     yield folder
@@ -78,7 +78,7 @@ def test_little_memory_is_one_line_or_a_whole_file(scan, tmp_path, tmp_path_fact
     done = export(scan, tmp_path / f"a.{ending}", cache, "--clip=-1,-1,-1,11,11,11", memory=MEMORY)
     left = [path.name for path in tmp_path.iterdir()]
     if done.returncode == 0:
-        assert left == [f"a.{ending}"] and "400,000 points" in done.stdout
+        assert left == [f"a.{ending}"] and "100,000 points" in done.stdout
     else:
         assert done.returncode == 2 and len(messages(done)) == 1 and "not enough memory" in messages(done)[0], done.stderr
         assert not left and "damaged" not in done.stderr
