@@ -13,7 +13,7 @@ unset PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: each wo
 # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
 export LP_NUM_THREADS=1
 
-JOBS=(window unit-1 unit-2 gl rest hostile lint)  # the longest first, so that the last ones end together
+JOBS=(window unit-1 unit-2 unit-3 gl rest hostile lint)  # the longest first, so that the last ones end together
 MARKS=(-m "not long")
 if [[ -n ${TEST_LONG:-} ]]; then
     MARKS=()
@@ -28,7 +28,8 @@ run_job() {
     case $1 in
         lint) .venv/bin/python -m ruff check . && .venv/bin/python -m pyright --warnings ;;
         unit-1) tests tests/unit/{grid,interface,picture,program,readers,render} ;;
-        unit-2) tests tests/unit/{bench,commands,common,exporting,lab,model,window,work} ;;
+        unit-2) tests tests/unit/{bench,commands,common,exporting} ;;
+        unit-3) tests tests/unit/{lab,model,window,work} ;;
         window) tests tests/window ;;
         gl) tests tests/gl ;;
         hostile) tests tests/hostile ;;

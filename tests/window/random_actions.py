@@ -19,11 +19,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from driver import SIZE, Driver, middle
+from driver import Driver, middle
 
 from pointglass.viewer.picture.settings import Settings
 
 INTERVALS = 10
+WARM = INTERVALS // 2
+"""Counts taken before this one are warm-up: compiled loops, glyphs, shaders and passes made when they are first needed."""
+REST_SIZE = (400, 300)
+"""Of the window where memory is taken: small, because a dozen pictures are made for each count."""
 OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
 os.environ["ONEDNN_PRIMITIVE_CACHE_CAPACITY"] = "64"
 """torch keeps compiled convolutions for 1,024 layers and sizes, 50 MB after 50 sizes of the window: bounded, but not flat."""
@@ -61,7 +65,7 @@ def gl_objects(d: Driver) -> dict[str, int]:
     for kind in OBJECTS:
         address = ctypes.cast(d.glfw.get_proc_address(f"glIs{kind}"), ctypes.c_void_p).value
         exists = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
-        counts[kind] = sum(exists(name) for name in range(1, MOST_NAMES))
+        counts[kind] = sum(map(exists, range(1, MOST_NAMES)))
     return counts
 
 
@@ -221,9 +225,9 @@ class Monkey:
         panels = self.d.panels
         setattr(panels, self._pick(("scenes", "look")), bool(self.rng.integers(2)))
 
-    def rest(self) -> dict[str, int]:
-        """Brings the window to the state in which memory is taken: the same each time.  Returns the OpenGL objects that exist
-        while no scan is open."""
+    def rest(self, counted: bool = False) -> dict[str, int]:
+        """Brings the window to the state in which memory is taken: the same each time.  counted: returns the OpenGL objects
+        that exist while no scan is open, which takes most of a second."""
         d = self.d
         d.app.input.on_focus(d.app.window, 0)
         for _ in range(8):
@@ -238,10 +242,12 @@ class Monkey:
         if d.session.view_settings.split:
             d.session.view_settings.compare(False)
         d.app.act("close_scan")
-        d.resize(*SIZE)
+        d.resize(*REST_SIZE)
         d.settle(3)
-        gc.collect()
-        objects = gl_objects(d)
+        objects: dict[str, int] = {}
+        if counted:
+            gc.collect()
+            objects = gl_objects(d)
         d.drop(Path("room1"))
         d.until(lambda: d.session.loads.current is None and d.session.scene is not None, LONGEST)
         for raster in ("compute", "points"):  # "auto" would choose by time: with another one, other objects are alive
@@ -272,11 +278,11 @@ def main(folder: Path, count: int, seed: int, scan: Path) -> None:
             d.until(lambda name=name: d.session.loads.current is None and d.session.shown_scan.title == name, LONGEST)
             d.rest()
         monkey.rest()
-        for _ in range(INTERVALS):
+        for number in range(INTERVALS):
             for _ in range(count // INTERVALS):
                 monkey.act()
                 report["actions"] += 1
-            objects = monkey.rest()
+            objects = monkey.rest(counted=number < WARM or number == INTERVALS - 1)  # the others are compared with none
             gc.collect()
             give_back()
             report["counted"].append({

@@ -36,6 +36,7 @@ def _line(done: subprocess.CompletedProcess) -> str:
     return line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("megabytes", [200, 400])
 def test_little_memory_is_one_line_and_not_a_damaged_file(tmp_path, megabytes):
     for command in (("info", DEMO, "--no-cache"), ("export", DEMO, "--no-cache", "--out", tmp_path / "a.e57")):
@@ -97,6 +98,7 @@ def test_lack_of_memory_is_found_behind_another_error(capsys):
     assert report(ValueError("a bug")) is None and report(BrokenPipeError()) is None
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_for_output_and_log_is_one_line(thin_demo, tmp_path):
     with open("/dev/full", "w") as full:
@@ -120,6 +122,7 @@ def test_closed_pipes_are_no_error(thin_demo):
         assert done.returncode == (0 if stream == "stdout" else 2) and not (done.stderr or "")
 
 
+@pytest.mark.slow
 def test_every_writer_that_meets_a_full_disk_says_so(thin_demo, tmp_path, monkeypatch, capsys):
     """ENOSPC where a temporary file is made, of commands that write one file."""
     from pointglass.model.common.files import temporary

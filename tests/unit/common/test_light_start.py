@@ -49,6 +49,7 @@ def one_camera(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_picture_without_the_network_loads_no_torch(thin_demo, one_camera, tmp_path):
     for view in ("raw", "filtered", "filled"):  # the first builds the grid, the others find it in the cache

@@ -128,6 +128,7 @@ def _wait_for_handler(pid: int) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["laz", "e57"])
 def test_an_export_or_conversion_stopped_at_any_time(thin_demo, tmp_path, ending, seed):
     """Imports, reading, native writers and the end of the process."""

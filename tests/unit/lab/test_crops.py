@@ -62,6 +62,7 @@ def test_invalid_pairs_are_refused_by_name(pairs, tmp_path):
         Crops([pairs], 320, 1)
 
 
+@pytest.mark.slow
 def test_batches_prepared_by_workers_are_the_same(pairs):
     crops = Crops([pairs], 32, 4)
     with Prefetcher(crops, 2, 1, 0, 2) as ahead:

@@ -47,6 +47,7 @@ def result(room, squeeze, tmp_path_factory):
         )
 
 
+@pytest.mark.slow
 def test_there_is_a_row_a_method_density_and_exposure(result):
     ours = {"raw", "pull-push, no filter", "pull-push, paper's filter", "pull-push, our filter", "pull-push, true visibility",
             "pull-push, NPBG++'s visibility", WEIGHTED, "network fast", "network paper"}

@@ -88,6 +88,7 @@ def test_points_are_visible_or_hidden_by_what_is_true_around_them(seed):
         assert hidden[j, i] == (there and depth[j, i] > farthest * 1.02 + 0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("density", [1.0, 0.25])
 def test_fewer_points_are_judged_with_their_own_spacing(room, monkeypatch, density):
     given, view_points = [], scene_module.view_points

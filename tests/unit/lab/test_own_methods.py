@@ -72,6 +72,7 @@ def without_lpips(monkeypatch):
     monkeypatch.setitem(sys.modules, "torchmetrics", None)
 
 
+@pytest.mark.slow
 def test_a_room_is_evaluated_with_a_function_and_a_network_of_ones_own(tmp_path, program, capsys):
     room, figures = film_room(tmp_path / "room"), tmp_path / "f.json"
     own = ["--method", f"mine={program}:nearest", "--method", f"grey={program}:grey", "--network", f"same={program}:Filled"]
@@ -89,6 +90,7 @@ def test_a_room_is_evaluated_with_a_function_and_a_network_of_ones_own(tmp_path,
     assert "mine" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("option", "given", "said"), [
     ("--method", "mine", "expected NAME=FILE.py:OBJECT"), ("--method", "mine={0}", "expected NAME=FILE.py:OBJECT"),
     ("--method", "mine={0}:missing", "no function missing in mine.py; it has "),
@@ -176,6 +178,7 @@ def test_a_run_that_ended_early_is_continued_with_the_next_place(two_places, tmp
         table.paper_table(two_places, {}, earlier=earlier, seed=12, **SMALL)
 
 
+@pytest.mark.slow
 def test_the_command_continues_a_file_and_writes_csv_and_latex(tmp_path, capsys, monkeypatch, without_lpips):
     """A run that fails at the second place, then the same command again."""
     folder = tmp_path / "rooms"
@@ -211,6 +214,7 @@ def test_the_command_continues_a_file_and_writes_csv_and_latex(tmp_path, capsys,
     assert "only with --paper-table" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_pictures_of_another_method_are_compared_in_the_papers_table(tmp_path, capsys, monkeypatch, without_lpips):
     """Those of the truth have no error, at the table's size and at the photograph's."""
     root = write_scannetpp(tmp_path / "root")

@@ -71,6 +71,7 @@ def test_a_point_samples_its_texel_and_a_wide_beam_the_mean():
     assert (outside == 1).all()
 
 
+@pytest.mark.slow
 def test_points_and_true_view_agree_where_the_texture_is_resolved(seed):
     """A wall seen frontally: the mean of a pixel's points equals the pixel at any scale of the texture."""
     rng = np.random.default_rng(seed)

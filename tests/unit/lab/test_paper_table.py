@@ -65,6 +65,7 @@ def small_weights(tmp_path):
     return files
 
 
+@pytest.mark.slow
 def test_the_papers_table_has_its_columns_and_sane_figures(small_weights, monkeypatch):
     monkeypatch.setitem(sys.modules, "lpips", None)
     monkeypatch.setitem(sys.modules, "torchmetrics", None)
@@ -136,6 +137,7 @@ def test_the_squeezenet_distance_stands_under_its_own_name(shared_data):
     assert 0 < dense < sparse and f"{dense:.3f}" in format_paper_table(result) and "SqueezeNet" in format_paper_table(result)
 
 
+@pytest.mark.slow
 def test_one_command_gives_the_papers_table(scannetpp, tmp_path, capsys, monkeypatch):
     import pointglass.model.evaluation.paper_table as table
     from pointglass.viewer.cli import main

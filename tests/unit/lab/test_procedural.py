@@ -27,6 +27,7 @@ def place(request):
     return _small(request.param)
 
 
+@pytest.mark.slow
 def test_a_place_is_determined_by_its_seed(place):
     again, other = _small(place.kind), _small(place.kind, 2)
     assert all(np.array_equal(a.rgb(), b.rgb()) for a, b in zip(place.views, again.views, strict=True))

@@ -31,6 +31,7 @@ def test_the_shares_of_every_recipe_add_up_and_its_stages_exist():
         assert {f"{q}-{i}" for q in ("fast", "balanced") for i in ("filtered", "unfiltered")} <= made
 
 
+@pytest.mark.slow
 def test_a_finished_recipe_trains_no_further_when_repeated(room, tmp_path):
     made = follow(TINY, [room], tmp_path, minutes=0.04, perceptual=None, device="cpu", most_places=0)
     headers = [load_weights(path)[1] for path in made]
@@ -57,6 +58,7 @@ def test_every_place_of_a_recipe_is_degraded_differently(room, tmp_path):
     assert min(map(len, densities)) > 3 and not densities[0] & densities[1]
 
 
+@pytest.mark.slow
 def test_train_from_the_command_line_resumes_and_prints_the_path_of_the_weights(room, tmp_path, capsys):
     line = ["train", str(room), "--out", str(tmp_path / "run"), "--quality", "fast", "--batch", "2", "--crop", "32",
             "--device", "cpu", "--minutes", "10"]

@@ -100,6 +100,7 @@ FORMS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 def test_the_scan_of_rgbd_frames_agrees_with_walls_and_held_out_views(form, tmp_path):
     folder = tmp_path / "room"

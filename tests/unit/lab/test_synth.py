@@ -129,6 +129,7 @@ def random_shapes(rng, count: int) -> shapes.Shapes:
     return shapes.make_shapes(kinds, params, rng.uniform(-2, 2, (count, 3)), np.transpose(axes, (0, 2, 1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_kernel_equals_the_plain_loop(seed):
     rng = np.random.default_rng(seed)
@@ -205,6 +206,7 @@ def test_a_true_pixel_is_the_mean_of_the_light_of_its_rays(place):
     assert np.abs(rgb - expected).max() <= 0.51 < 10 < np.abs(rgb - of_values).max()
 
 
+@pytest.mark.slow
 def test_thin_objects_are_hit(place):
     radius = np.where(np.isin(place.shapes.kind, [shapes.CYLINDER, shapes.CAPSULE]), place.shapes.params[:, 0], 9)
     thin = (radius < 0.007) & ~place.finish.outdoors
@@ -375,6 +377,7 @@ def test_exposures_average_to_exactly_one(seed):
     assert gains.mean() == 1.0 and np.abs(gains - 1).max() <= demo.SPREAD and np.ptp(gains) > 0.1
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes(tmp_path: Path, place, monkeypatch):
     monkeypatch.setattr(demo, "Place", partial(Place, probe_rays=4))
     for name in ("a", "b"):

@@ -76,6 +76,7 @@ def test_an_invalid_checkpoint_gives_one_line(rooms, run, capsys, torn):
     assert "checkpoint.pt: not a checkpoint of this training" in message and message.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_unfiltered_network_trains_separately_in_the_same_folder(rooms, run, tmp_path):
     assert main(_line(run, rooms[0], "--unfiltered")) == 0
     assert main(_line(tmp_path / "alone", rooms[0], "--unfiltered")) == 0
@@ -184,6 +185,7 @@ def test_files_of_an_earlier_version_are_refused_and_unchanged(rooms, run, capsy
     assert before == _contents(run)
 
 
+@pytest.mark.slow
 def test_initial_weights_are_identified_by_their_contents(rooms, run, tmp_path, capsys):
     first, same, other = (tmp_path / f"{name}.safetensors" for name in "abc")
     for path in (first, same):

@@ -77,6 +77,7 @@ def stop(request):
     signal.signal(request.param, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("within", [False, True])
 def test_an_interrupt_keeps_every_completed_step(pairs, whole, tmp_path, monkeypatch, within, stop):
     """Between two steps, or within one, which is then completed; the weights equal those of an uninterrupted run."""
@@ -153,6 +154,7 @@ def test_the_log_has_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch):
     assert [event.step for event in board.Scalars("loss")] == [1, 2, 3, 4, 5]
 
 
+@pytest.mark.slow
 def test_a_recipe_makes_pairs_of_every_room(rooms, tmp_path):
     """Rooms with the same name, and rooms with two picture sizes in one folder."""
     make_room(tmp_path / "mixed" / "small", view=(72, 96), views=1)
@@ -182,6 +184,7 @@ def test_crops_of_a_recipe_fit_into_its_pictures(tmp_path):
     assert [recipes._crop(stage, some) for some in (folders[:1], folders)] == [256, 240]
 
 
+@pytest.mark.slow
 def test_no_pairs_are_added_once_training_has_begun(rooms, tmp_path, monkeypatch):
     def stopped(_config):
         raise KeyboardInterrupt
@@ -249,6 +252,7 @@ def test_a_place_that_would_not_finish_in_time_is_not_begun(tmp_path):
     assert json.loads((tmp_path / "recipe.json").read_text())["most"] == {"room": 40.0, "thing": 5.0}
 
 
+@pytest.mark.slow
 def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
     def again(out, *folders, seed=1):
         follow(TINY, folders, out, minutes=0.01, perceptual=None, device="cpu", most_places=0, seed=seed)
@@ -264,6 +268,7 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
         again(tmp_path, rooms[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.killpg), (signal.SIGTERM, os.kill)])
 def test_a_recipe_interrupted_in_its_first_place_leaves_no_files_and_prints_one_line(tmp_path, number, to):
     """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the main process."""
@@ -281,6 +286,7 @@ def test_a_recipe_interrupted_in_its_first_place_leaves_no_files_and_prints_one_
     assert (process.returncode, error) == (130, "pointglass: stopped\n") and not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_divergence_gives_one_line_and_keeps_the_last_weights(pairs, rooms, tmp_path, capsys, monkeypatch):
     """A step with a gradient of NaN would turn every weight into NaN."""
     train.train(_config(pairs, tmp_path, steps=3))

@@ -35,6 +35,7 @@ class _Killed(Exception):
     pass
 
 
+@pytest.mark.slow
 def test_training_resumes_exactly_after_a_kill(pairs, tmp_path):
     whole = _state(train(_config(pairs, tmp_path / "whole")))
 
@@ -50,6 +51,7 @@ def test_training_resumes_exactly_after_a_kill(pairs, tmp_path):
     assert not list(tmp_path.rglob("*.partial"))
 
 
+@pytest.mark.slow
 def test_another_seed_gives_other_weights(pairs, tmp_path):
     a, b = (_state(train(_config(pairs, tmp_path / str(seed), seed=seed))) for seed in (1, 2))
     assert any(not torch.equal(a[k], b[k]) for k in a)
@@ -84,6 +86,7 @@ if sys.argv[4] == "forked" and other:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("started", ["forked", pytest.param("torchrun", marks=pytest.mark.long)])
 def test_two_processes_average_their_gradients(pairs, tmp_path, started):
     """Forked with the variables that torchrun sets, so that the libraries are loaded once.  (torchrun: three times.)"""
