@@ -33,7 +33,9 @@ RUN = 256
 """Points that are read in a row, more where only whole blocks can be decoded: on an E57 of 18 million points
 runs of 1024 leave wide gaps."""
 _HEIGHT_PERCENTILES, _GREY_PERCENTILES = (2, 98), (1, 99)
-"""Range of the colours by height, chosen by hand, and of grey by intensity, as in viewer.preprocess.point_colour."""
+"""Range of the colours by height, and of grey by intensity, as in viewer.preprocess.point_colour.  The range by height is 0.39
+of all heights in demo.laz, whose highest points are few, 0.67 in autzen_trim.laz and 0.71 to 0.97 in five other scans; with 1
+and 99 it is 0.60, 0.76 and 0.75 to 0.98, with 4 and 96, which cut off the trees of autzen, 0.39, 0.51 and 0.67 to 0.97."""
 _log = logging.getLogger(__name__)
 
 

@@ -17,7 +17,9 @@ COLOURS: dict[str, tuple[Colour, Colour]] = {
     "gradient": ((70, 76, 86), (18, 20, 23)),
     "sky": ((96, 146, 205), (218, 230, 240)),
 }
-"""sRGB of the top and the bottom edge; chosen by eye, not measured."""
+"""sRGB of the top and the bottom edge.  CIE lightness from top to bottom: plain 9, gradient 32 to 6, sky 59 to 91 (brighter
+towards the horizon, as a clear sky is).  White text has a contrast of 8.6 : 1 and more on all but the sky (WCAG 2 asks for 4.5
+: 1); with twice the levels the gradient's top would have 2.9 : 1, with half it would differ from plain by 6 in lightness."""
 
 
 def rows(background: str, height: int) -> np.ndarray:

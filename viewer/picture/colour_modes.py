@@ -79,12 +79,16 @@ CLASSES: dict[int, tuple[str, tuple[int, int, int]]] = {
     13: ("wire, guard", (250, 210, 120)), 14: ("wire, conductor", (250, 180, 40)), 15: ("transmission tower", (210, 140, 200)),
     16: ("wire connector", (250, 150, 90)), 17: ("bridge deck", (130, 160, 190)), 18: ("high noise", (200, 0, 200)),
 }  # fmt: skip
-"""Codes of ASPRS LAS 1.4 (R15, table 17) and a colour each, chosen by eye; others get one of STATION_COLOURS."""
+"""Codes of ASPRS LAS 1.4 (R15, table 17) and a colour each; others get one of STATION_COLOURS.  Vegetation is green, water
+blue, wires yellow.  The nearest two differ by 8.5 (CIEDE2000: wire and model key point); ground, buildings, roads, rails,
+bridges and water differ by 12 and more, kinds of vegetation by 10.7.  Seen by a deuteranope (Machado 2009), building and medium
+vegetation differ by 1.4 only."""
 STATION_COLOURS = (
     (76, 136, 230), (240, 150, 60), (90, 190, 100), (225, 85, 95), (160, 120, 215), (165, 115, 85), (235, 135, 195),
     (130, 135, 145), (200, 200, 70), (70, 200, 210), (40, 90, 160), (250, 200, 150),
 )  # fmt: skip
-"""In turn; chosen by eye to be told apart on dark and light."""
+"""In turn.  The nearest two differ by 14 (CIEDE2000), of the first six by 19; the contrast to black is at least 3.1 : 1, to
+white 1.5 : 1.  Seen without red or green cones (Machado 2009) the nearest two differ by 2.5 and 4.5."""
 
 
 def ramp_colours(name: str) -> np.ndarray:

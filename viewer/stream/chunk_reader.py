@@ -13,7 +13,7 @@ from .chunk_source import ChunkSource
 READ_AHEAD = MEMORY.read_ahead
 """Bytes of main memory for the buffers of a reader, by default."""
 _THREADS = 4  # at most; chosen by hand: with more, the disk or the memory is the limit
-_PATIENCE = 5.0  # seconds that closing waits for a read that hangs; chosen by hand
+_PATIENCE = 5.0  # seconds that closing waits for a read that hangs: a chunk, 768 KiB, takes less even at 160 kB/s
 
 
 class ChunkReader:

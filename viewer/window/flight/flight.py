@@ -22,7 +22,8 @@ from .walking import Walker
 REST = 0.25
 """Seconds without a change of camera that count as rest."""
 STICK = 2.2
-"""Radians a second that a fully pushed stick turns the camera: half a turn in 1.4 seconds.  Chosen by hand."""
+"""Radians a second that a fully pushed stick turns the camera.  What appears at the top edge of the picture is in its middle
+after 0.24 s, the time in which a person sees, decides and moves (Card, Moran and Newell 1983): FIELD_OF_VIEW / 2 in 0.24 s."""
 _LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wall
 _WAYS = {"forward", "back", "left", "right", "up", "down"}
 

@@ -10,7 +10,9 @@ import numpy as np
 from .navigation import FlyState
 
 SECONDS = 0.8
-"""Duration of a flight to a place that was clicked.  Chosen by hand: long enough to see where one goes."""
+"""Duration of a flight to a place that was clicked: below the 1 s that interrupts thought (Nielsen 1993).  Where it halves the
+distance to a wall, the edge of a 1280 pixel picture moves at most 1000 pixels a second, 25 degrees a second on a screen of 96
+dpi at 60 cm; the eye follows up to some 30 (LaValle, Virtual Reality, 5.3).  Half the duration would double that."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 ORBIT = 0.006
-"""Radians a logical pixel of mouse movement: half a turn in 520 pixels.  Chosen by hand on a window of 1280 pixels."""
+"""Radians a logical pixel of mouse movement.  OrbitControls of three.js makes a full turn over the height of the picture; this
+is its rule for a height of 1047 pixels, a window that fills 1920 x 1080."""
 ZOOM_STEP = 0.85
 """Distance to the point after a notch of the wheel, as a share of that before."""
 

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
 
 _DARK = 0.22
-"""Median level, 0 to 1, below which a scan counts as dark; chosen by eye on the scans at hand."""
+"""Median level, 0 to 1, below which a scan counts as dark: 4 % of full light, two stops below a grey card.  pumpA.e57 has 0.12,
+five other scans 0.37 to 0.54.  With half none of the six counts as dark, with twice street_corner.laz does as well."""
 _MIDDLE = 0.4
 """Median level that brightening aims at: a little below a photographer's grey card (18 % linear, 0.46), for highlights."""
 _MOST_STOPS = 3.0

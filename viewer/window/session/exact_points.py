@@ -29,7 +29,8 @@ class Shown(Protocol):
 
 Arrived = Callable[[Picked], None]
 _AT_ONCE = 2
-"""Points that are read at the same time; chosen by hand: they may be in different files."""
+"""Points that are read at the same time: the two ends of a distance, which may be in different files.  Each reading holds a
+chunk of the file (viewer.readers.source.CHUNK) in memory."""
 
 
 @dataclass(eq=False)

@@ -29,7 +29,8 @@ from .session import Session
 
 _KIND = {"Projects": (SUFFIX,)}
 READING_S = 30.0
-"""Seconds that saving waits, while the window goes on, for points that are being read from their files; chosen by hand."""
+"""Seconds that saving waits, while the window goes on, for points that are being read from their files.  Text is read slowest:
+it takes 0.9 s of a processor a million points (three coordinates and a colour), so 30 s reach 30 million points."""
 _LAST_READING_S = 2.0  # that a closing window waits for them
 
 _Content = tuple[Document, Begun | None]
