@@ -4,6 +4,7 @@ Writes ``assets/readme/tools/NAME.jpg``, the window at 1280x720, smaller.  The S
 its own (readme_pictures.py).
 """
 
+import os
 import sys
 import tempfile
 from dataclasses import replace
@@ -28,6 +29,7 @@ def main() -> None:
     from pointglass.viewer.window.interaction.editing import edit
 
     with tempfile.TemporaryDirectory() as folder:
+        os.environ["POINTGLASS_STATE"] = str(Path(folder) / "state")  # no offer to restore work in the picture
         d = Driver(Path(folder))
         context, toolbox, session = d.app.tools, d.app.toolbox, d.session
 

@@ -50,6 +50,7 @@ def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
     d.key("T")
     d.click(*middle(d, -0.12))
     assert len(d.app.toolbox.active.points) == 1
+    assert d.app.toolbox.active.hint(d.app.tools).startswith("Click the second point")
     d.click(*middle(d, 0.15, 0.1))
     (made,) = d.session.document.measurements
     assert all(on_a_wall(point.position) and 0 < point.spacing < 0.3 for point in made.points)

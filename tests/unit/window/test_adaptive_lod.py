@@ -4,6 +4,7 @@ import pytest
 from window_session import finish, frame_cost, session
 
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.panels.status_bar import _columns
 
 
 def test_a_slow_network_flies_filled_and_repaints_at_rest():
@@ -27,6 +28,24 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made.picture.adaptive_lod.keep_up = False
     made.flight.held.add("forward")
     assert made.screen.plan.views == ("filled",), "the window never waits for a slow network"
+
+
+def test_the_status_bar_warns_of_what_is_left_out_and_not_of_what_the_settings_ask_for():
+    made, clock = session()
+    made.view_settings.show("neural")
+    finish(made)
+    half = "network in bf16"
+    made.drew(made.screen.plan, frame_cost(network=900.0, facts={"approximations": (half,)}))
+    at_rest = _columns(made, None)[3]
+    assert made.screen.exact and not at_rest.warn and at_rest.text == "at rest" and half in at_rest.explained
+    clock.now += 1
+    made.flight.held.add("forward")
+    made.advance()
+    made.drew(made.screen.plan, frame_cost())
+    made.picture.moved = 0.876
+    flown = _columns(made, None)[3]
+    assert flown.warn and flown.text == "moving, approximate"
+    assert "88 % moved from the last neural picture, the rest filled while moving" in flown.explained
 
 
 def test_while_the_window_is_being_resized_the_network_waits():

@@ -10,8 +10,10 @@ from window_session import session
 
 from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.window.interaction.fly import Fly
+from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
+from pointglass.viewer.work.measure import KINDS, MeasuredPoint
 
 
 class Recorder(Tool):
@@ -88,6 +90,20 @@ def test_every_tool_has_a_name_of_its_own_and_fly_is_first():
     assert TOOLS[0] is Fly and len({tool.name for tool in TOOLS}) == len(TOOLS)
     keys = [tool.key for tool in TOOLS if tool.key]
     assert len(keys) == len(set(keys)) and all(tool.label and tool.help for tool in TOOLS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_measuring_says_at_the_pointer_what_a_click_does_and_when_enter_ends(kind):
+    tool, context = Measure(), SimpleNamespace(document=SimpleNamespace(measurements=()))
+    tool.kind, (fewest, most, _) = kind, KINDS[kind]
+    assert tool.hint(context) == "Click the first point"
+    for placed in range(1, most or 5):
+        tool.points.append(MeasuredPoint((float(placed), 0.0, 0.0)))
+        text = tool.hint(context)
+        assert text.startswith("Click the ") and text.endswith("Backspace takes one back  ·  Esc gives up")
+        assert ("Enter ends" in text) == (most is None and placed >= fewest)
+    context.document.measurements, tool.points = ("one",), []
+    assert tool.hint(context) == "", "who has measured knows how to begin"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -190,6 +190,18 @@ class Measure(Tool):
         self.points.clear()
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
 
+    def hint(self, context: ToolContext) -> str:
+        fewest, most, _ = KINDS[self.kind]
+        placed = len(self.points)
+        if not placed:
+            return "" if context.document.measurements else "Click the first point"
+        if self.kind == "angle":
+            click = "Click the corner" if placed == 1 else "Click the end of the other side"
+        else:
+            click = "Click the second point" if most == 2 else "Click the next point"
+        ends = "  ·  Enter ends" if most is None and placed >= fewest else ""
+        return f"{click}{ends}  ·  Backspace takes one back  ·  Esc gives up"
+
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         hovered = context.session.work.under_pointer
         points = list(self.points)

@@ -166,6 +166,10 @@ class Tool:
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         """Draws over the picture while the tool is selected.  Changes nothing: what it shows is found by :meth:`follow`."""
 
+    def hint(self, context: ToolContext) -> str:
+        """What a click or a key does now, in a few words, written beside the pointer; "" where a person need not be told."""
+        return ""
+
     def panel(self, ui: Any, context: ToolContext) -> None:
         """Draws its rows in the tool panel while it is selected.  ui: the ``imgui`` module, inside a window."""
 
@@ -301,3 +305,5 @@ class Toolbox:
             tool.draw(overlay, context)
         if self.active.cursor == "crosshair" and context.session.pointer is not None:
             overlay.crosshair(context.session.pointer)
+            if text := self.active.hint(context):
+                overlay.hint(context.session.pointer, text)

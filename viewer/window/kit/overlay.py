@@ -119,6 +119,11 @@ class OverlayCanvas:
                 start, end = ImVec2(x + dx * inner, y + dy * inner), ImVec2(x + dx * outer, y + dy * outer)
                 self.draw_list.add_line(start, end, _shade(shade), width)
 
+    def hint(self, position: tuple[float, float], text: str) -> None:
+        """A line of help below the pointer, which is at a position in pixels of the picture."""
+        x, y = (self._origin + np.array(position) * self._scale + self.theme.px(16.0)).tolist()
+        self.text((x, y), text, "dim")
+
     def label(self, point, text: str, colour: str = "text", offset: tuple[float, float] = (10.0, -10.0)) -> None:
         """Text on a dark plate beside a world point.  offset: design units from the point to the plate's nearest corner."""
         places, inside = self.place([point])

@@ -62,7 +62,8 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         state = "moving"
     else:
         state = "exact" if session.screen.exact and not approximations else "at rest"
-    rough = ", approximate" if approximations and state != "refining…" else ""
+    more_to_come = bool(approximations) and not session.screen.exact  # else they are what the settings ask for: no warning
+    rough = ", approximate" if more_to_come and state != "refining…" else ""
     drawn, total = (0, 0) if cost is None else (cost.points_drawn, cost.facts.points_total)
     rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
@@ -72,7 +73,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
         _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
                 "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
-        _Column(state + rough, 176, text, bool(approximations)),
+        _Column(state + rough, 176, text, more_to_come),
         _Column(drawn_text(drawn, total, fewer=drops) if total else "", 160, "Points drawn, of all points"
                 + drops * ": those in view before clips and hidden scans take points away"),
         _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),

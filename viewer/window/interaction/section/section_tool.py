@@ -107,6 +107,13 @@ class SectionTool(Tool):
             self.height = float(np.array(exact.position) @ up)
         self.ends = [np.array(exact.position) if np.array_equal(end, picked.position) else end for end in self.ends]
 
+    def hint(self, context: ToolContext) -> str:
+        if self.kind == "plan":
+            return "" if self.height is not None else "Click the height of the cut"
+        if self.kind == "elevation" or len(self.ends) == 2:
+            return ""
+        return "Click the other end of the line" if self.ends else "Click one end of the line"
+
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         for place in self.ends if self.kind == "line" else ():
             overlay.marker(place, "accent", 5.0, "diamond")
