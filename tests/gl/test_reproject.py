@@ -1,5 +1,7 @@
 """Reprojection and the depth of the filled picture against their references, and what a moved picture must never do."""
 
+import threading
+
 import numpy as np
 import pytest
 from clouds import room
@@ -104,6 +106,31 @@ def test_what_the_earlier_camera_did_not_see_stays_as_it_was_filled(context, see
     for camera, other_depth in ((behind, depth), (here, np.zeros_like(depth)), (here, 1.2 * depth)):
         made, share = moved_by_gl(context, filled, depth, here, 255 - filled, other_depth, camera)
         assert np.array_equal(made, filled) and share == 0
+
+
+def test_a_network_that_is_kept_brings_the_picture_of_its_own_camera_beside_later_pictures(context, seed):
+    renderer, ended = Renderer(context, room(seed), device="cpu"), threading.Event()
+    renderer._runs._wake = ended.set
+    here, there = (from_fov(96, 64, 70.0, look_at((3.0, 2.5, 1.5), aim)) for aim in ((6.0, 3.0, 1.0), (0.0, 2.0, 1.0)))
+    settings, beside = Settings(view="neural", quality="fast"), {"defer_network": True, "keep_network": True}
+    target = context.texture((96, 64), 4)
+    try:
+        exact = renderer.render(here, settings).image("neural").astype(int)
+        frame = renderer.render(here, settings, ("filled", "neural"), filled_depth=True, streaming=True, **beside)
+        assert renderer.keeps_network and frame.facts.network is None, "the frame says nothing of what it does not show"
+        later = renderer.render(there, settings, ("filled",), streaming=True, keep_network=True)
+        plain = later.image("filled")
+        assert ended.wait(60) and renderer.finish_earlier(target) and not renderer.keeps_network
+        made = np.frombuffer(target.read(), np.uint8).reshape(64, 96, 4).astype(int)
+        solid = exact[..., 3] == 255
+        assert solid.mean() > 0.5 and np.abs(made - exact)[solid].max() <= 1
+        assert np.array_equal(renderer.render(there, settings, ("filled",)).image("filled"), plain)
+        renderer.render(here, settings, ("filled", "neural"), filled_depth=True, streaming=True, **beside)
+        renderer.render(there, settings, ("filled",), streaming=True)
+        assert not renderer.keeps_network and not renderer.finish_earlier(target), "a picture made without it drops the network"
+    finally:
+        target.release()
+        renderer.release()
 
 
 @pytest.mark.parametrize("network", [False, True])
