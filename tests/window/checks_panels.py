@@ -56,6 +56,7 @@ def check_a_tool_of_the_folded_panel_opens_it_for_its_controls(d: Driver) -> Non
 
 
 def check_the_view_switch_changes_the_view_and_tells_what_is_drawn(d: Driver) -> None:
+    d.resize(1200, 500)
     d.key("3")
     d.rest()
     camera = d.session.camera
@@ -89,6 +90,7 @@ def check_a_list_of_choices_closes_with_esc(d: Driver) -> None:
     def listed() -> bool:
         return imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 
+    d.resize(1200, 500)
     d.click(1100, 48)  # the network's quality
     assert listed()
     d.key("ESCAPE")
