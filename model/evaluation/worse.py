@@ -16,7 +16,8 @@ from .metrics.figures import Figures
 METRICS = {"psnr": "PSNR", "ssim": "SSIM", "distance": "distance", "flip": "FLIP"}
 """Field of :class:`.figures.Figures` -> name in tables."""
 LEAST_ERROR = 1e-4
-"""Lower limit of errors in a ratio, where a picture equals the truth within rounding.  Chosen by hand."""
+"""Lower limit of errors in a ratio, where a picture equals the truth: rounding to 8 bits alone makes an RMS error of
+1 / (255 sqrt(12)), 11 times as much."""
 
 
 def errors(figures: Figures) -> dict[str, float]:

@@ -20,7 +20,9 @@ from .scan_description import ColourSummary, ExposureSummary, RunSummary
 
 _RAMP = np.array(RAMPS["viridis"], np.float64)
 _EVERY = 16  # one of so many points is examined for black: 65,000 of a chunk tell a share of 1 % within 0.04 (standard error)
-_DARK_LEVEL = 4  # 8-bit levels 1 to 4 are compared with black; chosen by hand
+_DARK_LEVEL = 4
+"""8-bit levels 1 to 4 are compared with black.  With 2, black has 250 times the points of a level in the scan without colour in
+its shadows, with 4 it has 370 times, with 8 600 times; in the others at most 0.07, 0.11 and 0.16 times."""
 _LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
 """Black is treated as missing colour in a file where it has at least this share of the points, and so many times the points of
 each of the next levels.  Six scans: 14 % and 310 times in the one whose shadows have no colour, at most 0.08 % and 0.1 times in

@@ -23,7 +23,8 @@ from ..system import ALL_STOPS, after_fork_in_child, child_processes, end_proces
 from .native_output import error_descriptor
 
 _CHILDREN_S = 5.0
-"""Seconds that child processes have for their own clean-up; chosen by hand."""
+"""Seconds that child processes have for their own clean-up: half of the 10 s after which ``docker stop`` kills, so that this
+process has as long for its own."""
 
 _EARLY = "_stopped"
 """Name of the handler that pointglass.py installs before anything is imported."""

@@ -16,7 +16,8 @@ from .photos import Photograph
 FARTHEST = 65.0
 """Largest valid depth, metres: several formats store 65535 mm for unknown depth."""
 JUMP = 0.05
-"""Relative difference in depth to a neighbour beyond which a depth pixel mixes two surfaces.  Chosen by hand."""
+"""Relative difference in depth to a neighbour beyond which a depth pixel mixes two surfaces.  A surface reaches it where its
+normal is 88 degrees off the ray, at a focal length of 525 pixels: tan / 525."""
 MILLIMETRE = 1 / 1000
 """Metres of one step of depth in most formats."""
 

@@ -13,7 +13,9 @@ from ...readers.source import Chunk, Source
 
 _EVERY = 64  # one of so many points is examined: 16,000 of a chunk, whose percentiles are within 0.1 (standard error)
 _BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count
-_FAR = 20.0  # times the larger extent of two files; chosen by hand: buildings of a campus and tiles of a town are neighbours
+_FAR = 20.0
+"""Times the larger extent of two files, as viewer.grid.scene.STATION_REACH: buildings of a campus and tiles of a town are
+neighbours, local and UTM coordinates are not."""
 
 
 class ClusterCheck:

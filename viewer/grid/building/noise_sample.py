@@ -20,7 +20,9 @@ each: neighbours on successive lines of one station are up to 26,000 of 3.2 mill
 ORDERED = 0.05
 """Median gap in the file order between points of a neighbourhood, as a share of that in a shuffled file, below which the file
 is ordered: five real files have 0.0005 to 0.0035, one that an octree reordered (COPC) 0.19."""
-_LEAST_POINTS = 12  # points of a neighbourhood that is used to decide whether a file is ordered; chosen by hand
+_LEAST_POINTS = 12
+"""Points of a neighbourhood that is used to decide whether a file is ordered.  Half and twice change the gap of the six files
+by at most 6 %, far less than they are from ORDERED."""
 
 
 class NoiseSample:

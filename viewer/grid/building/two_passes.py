@@ -40,7 +40,9 @@ most."""
 _COINCIDING = 0.02
 """Share of points packed into one position with their neighbours from which finer cells are tried: 0 in six real scans."""
 _UNPARTED = 0.75  # share of those still coinciding in finer cells from which the coarse cells are taken after all; by hand
-_ATTEMPTS = 4  # at finer cells; chosen by hand: each divides the cell size by up to 256
+_ATTEMPTS = 4
+"""Cell sizes tried at most, each up to 256 times finer: with STEPS positions a cell the last tells 2**40 places along the scan
+apart, a millimetre in 1e9 m, beyond which a coordinate is invalid."""
 _FINEST_STEPS = 1 / 16  # steps taken for a spacing that is too small to measure; chosen by hand
 _DEFAULT_SPACING = 1 / 64  # of a cell, for scans in which no two positions differ; chosen by hand
 
