@@ -17,9 +17,11 @@ from ...data.dataset import TruePicture
 from .image_metrics import gradient_energy
 
 ROUNDING = 1e-6
-"""Pixels beyond the outermost pixel centres that still count as inside.  Chosen by hand, above the rounding errors."""
+"""Pixels beyond the outermost pixel centres that still count as inside: with 1e-9 to 1e-3 the same pixels of a frame of
+living-room-2 count where it is compared with itself."""
 AGREE = 0.01
-"""Largest relative difference of depth at which both frames show the same surface.  Chosen by hand."""
+"""Largest relative difference of depth at which both frames show the same surface.  On the path of living-room-2, 98.4 % of the
+pixels are valid and the true pictures change by 2.58 levels; with half 98.1 % and 2.56, with twice 98.8 % and 2.60."""
 TRUTH = "truth"
 """Method name of the true pictures."""
 

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 OVERLAP = 5.0
-"""Degrees by which a face reaches beyond its 90 on every side; chosen by eye on neural panoramas of the demo."""
+"""Degrees by which a face reaches beyond its 90 on every side.  Measured where two faces meet, in panoramas 768 pixels wide
+from the start views of demo.laz and studio.laz: their neural pictures differ by 3.5 and 3.5 levels, with half by 3.6 and 3.6,
+with a quarter by 4.9 and 3.7, with twice by 3.8 and 3.2; filled pictures of these and plant_room.laz by at most 16 % more or
+less than here."""
 _EDGE = np.tan(np.radians(45 + OVERLAP))  # of a face, where its axis is 1
 _FACES = {"front": (0, 0), "right": (-90, 0), "back": (180, 0), "left": (90, 0), "up": (0, 90), "down": (0, -90)}
 """Degrees: heading to the left, pitch upwards."""
