@@ -21,13 +21,17 @@ SHARED_VOXELS = 300
 _REACH = 1 << 17
 """Largest distance from the median position, in voxels.  Points beyond are outliers, and voxel numbers must fit 64 bits."""
 LARGEST_GAIN = 1.6
-"""Ratio beyond which two stations differ in more than exposure.  Chosen by hand."""
+"""Ratio beyond which two stations differ in more than exposure.  1.3 and 2.2 give the same gains of four real scans that were
+divided into three stations with gains up to 17 % apart."""
 LARGEST_SPREAD = 0.35
-"""Largest standard deviation of a pair's log ratios (1.48 x median absolute deviation).  Chosen by hand."""
+"""Largest standard deviation of a pair's log ratios (1.48 x median absolute deviation).  Half and twice give the same gains of
+these scans."""
 _MAX_PAIR_VOXELS = 20_000
-"""Shared voxels beyond which a pair's weight grows no further.  Chosen by hand."""
+"""Shared voxels beyond which a pair's weight grows no further.  Pairs of these scans share 800 to 6,700, so that half and twice
+change nothing.  1,000 changes the largest error of a gain from 0.6 to 0.5 % in one and from 0.07 to 0.14 % in another."""
 _MIN_SPREAD = 0.01
-"""Smallest standard deviation in a pair's weight.  Chosen by hand."""
+"""Smallest standard deviation in a pair's weight: a guard of the division.  Half and twice give the same gains of these
+scans."""
 
 
 @dataclass(frozen=True)

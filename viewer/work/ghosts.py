@@ -34,7 +34,9 @@ BLOCK = 1 << 20
 RAYS_PER_CELL = 4
 """Points of an average cell of a range image; sets its resolution."""
 COARSEST, FINEST = 60, 1440
-"""Columns of a range image, 6 and 0.25 degrees each: the finest is narrower than a hand at 10 m; both chosen by hand."""
+"""Columns of a range image.  The coarsest, of 6 degrees, are as wide as a person (0.44 m) at 4.2 m; stations of less than 7,200
+points have them.  The finest, of 0.25 degrees, are 44 mm wide at 10 m, narrower than a hand; those of more than 4.1 million
+have them."""
 LEAST_RAYS = 9
 """Points in the 3 x 3 cells around a direction from which a station counts as having looked there: one a cell."""
 SLACK, SHARE = 6.0, 0.03
