@@ -243,6 +243,7 @@ def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
     np.testing.assert_array_equal(made.boxes, plain.boxes)
 
 
+@pytest.mark.slow
 def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
     """Tables become full while one of the threads is a chunk ahead of the other."""
     random = np.random.default_rng(4)

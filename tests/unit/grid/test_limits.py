@@ -73,6 +73,7 @@ def test_exposures_of_too_many_stations_are_said_to_be_left_as_they_are(tmp_path
                    for text in warnings) == said  # fmt: skip
 
 
+@pytest.mark.slow
 def test_more_than_256_scans_are_all_listed_and_the_limit_of_the_picture_is_stated(tmp_path):
     xyz, rgb = surface(10)
     places = [(10.0 * (i % 20), 10.0 * (i // 20), 0.0) for i in range(300)]

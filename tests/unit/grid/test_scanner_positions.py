@@ -56,6 +56,7 @@ def test_a_merged_file_is_split_into_stations_by_the_order_of_its_points(tmp_pat
     assert facts(scene)["stations"] == "weighed"
 
 
+@pytest.mark.slow
 def test_inferred_stations_get_exposure_compensation(tmp_path):
     xyz, rgb, station = swept(2)
     file = written(tmp_path / "room.laz", xyz, rgb * np.array([0.85, 1.15])[station][:, None])
@@ -69,6 +70,7 @@ def test_inferred_stations_get_exposure_compensation(tmp_path):
     assert plain.meta.exposures is None and (unpack(plain)[3] == unpack(scene)[3]).all(), "stations, but no colour changed"
 
 
+@pytest.mark.slow
 def test_files_of_one_station_each_get_inferred_positions(tmp_path):
     xyz, rgb, station = swept(2)
     files = [written(tmp_path / f"{n}.ply", xyz[station == n], rgb[station == n]) for n in range(2)]

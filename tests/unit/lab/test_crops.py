@@ -18,6 +18,7 @@ def test_a_batch_depends_only_on_seed_step_and_process(pairs):
     assert not torch.equal(a.x, crops.batch(8, 3, 1).x) and not torch.equal(a.x, crops.batch(7, 3, 1, process=1).x)
 
 
+@pytest.mark.slow
 def test_crops_are_anywhere_in_a_picture_and_may_have_its_height(tmp_path):
     np.save(tmp_path / "measured.npy", np.zeros((1, 6, 32, 36), np.float16))
     truth = np.broadcast_to(np.arange(36), (1, 5, 32, 36)).astype(np.uint8)

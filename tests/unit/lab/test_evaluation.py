@@ -64,6 +64,7 @@ def test_there_is_a_row_a_method_density_and_exposure(result):
     assert "SqueezeNet distance" in text and "matched: stations' gains" in text and "along 4 frames" in text
 
 
+@pytest.mark.slow
 def test_invented_pixels_are_those_outside_our_filter(room, result):
     scene = load_scene(room)
     scan = scan_stations(scene, 11)
@@ -77,6 +78,7 @@ def test_invented_pixels_are_those_outside_our_filter(room, result):
     assert row["invented"] == pytest.approx(np.mean(share)) and row["invented"] > 0.05
 
 
+@pytest.mark.slow
 def test_time_and_work_are_given_for_every_method(result):
     rows = {(r["method"], r["density"], r["exposure"]): r for r in result["rows"]}
     for (name, _, _), row in rows.items():
@@ -104,6 +106,7 @@ def test_every_methods_time_holds_one_rasteriser(room, monkeypatch, placed):
     assert {ms for ms, _ in methods_module.timings(methods_module.plain_methods(), view).values()} == {1}
 
 
+@pytest.mark.slow
 def test_pictures_left_by_others_are_judged_as_they_are(result):
     for row in (r for r in result["rows"] if r["method"] == "oracle"):
         assert row["psnr"] == row["invented_psnr"] == float("inf")
@@ -112,6 +115,7 @@ def test_pictures_left_by_others_are_judged_as_they_are(result):
     assert len(oracle) == 2 and all(r["flicker"] == r["gradient"] == pytest.approx(1) for r in oracle)
 
 
+@pytest.mark.slow
 def test_json_and_plot_are_whole_files(result, tmp_path):
     write_json(tmp_path / "a.json", result)
     stored = json.loads((tmp_path / "a.json").read_text(), parse_constant=lambda name: pytest.fail(name))
@@ -124,6 +128,7 @@ def test_json_and_plot_are_whole_files(result, tmp_path):
         plot(result, tmp_path / "a.gif")
 
 
+@pytest.mark.slow
 def test_open3d_draws_points_where_they_belong_or_says_why_not():
     # the third lies behind the second
     xyz = np.array([[0.5, 0.5, 40], [20.5, 0.5, 40], [30.75, 0.75, 60], [0.5, -9.5, 40]], np.float32) / 20

@@ -197,6 +197,7 @@ def test_truth_depth_equals_noiseless_ranges(place):
     assert np.median(near) < 0.02
 
 
+@pytest.mark.slow
 def test_a_true_pixel_is_the_mean_of_the_light_of_its_rays(place):
     """As the soft z-buffer averages, and as :mod:`model.synth.outdoors` does."""
     camera = demo.camera_towards((4.5, 3.0, 1.5), (1.0, 1.0, 1.0)), 50.0, 50.0, 32, 24, 64, 48

@@ -52,6 +52,7 @@ def _contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 def test_a_training_moved_together_with_its_rooms_continues(rooms, tmp_path, capsys):
     """As on a cluster that mounts a job's folder at a different path each time."""
     here, there = tmp_path / "job1", tmp_path / "job2"
@@ -112,6 +113,7 @@ def test_other_folders_are_refused_by_name(rooms, run, capsys, folders, message)
     assert message in error and error.count("\n") == 1 and _contents(run) == before
 
 
+@pytest.mark.slow
 def test_a_room_whose_files_have_changed_is_refused_by_name(rooms, tmp_path, capsys):
     """Its pairs belong to the old files; a picture that was added later would silently be ignored."""
     room, run = shutil.copytree(rooms[0], tmp_path / "room"), tmp_path / "room" / "run"
@@ -146,6 +148,7 @@ def test_the_same_room_by_another_path_continues(rooms, run, monkeypatch):
     assert _notes(moved / "fast-filtered.safetensors")["step"] == 4
 
 
+@pytest.mark.slow
 def test_incomplete_pairs_of_another_room_are_not_reused(rooms, tmp_path, monkeypatch, capsys):
     from pointglass.model.data import pairs
 
