@@ -10,7 +10,7 @@ from imgui_bundle import ImVec2, imgui
 from ...common.errors import InputError
 from ...readers.formats import FORMATS
 from ...work.moved_scans import MissingScans, ScanPlace, difference
-from ...work.project import places_in
+from ...work.project import is_project, places_in
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit import theme
 from ..kit.chosen_button import ChosenButton
@@ -114,7 +114,8 @@ class MissingScansDialog:
             return
         width = min(px(560), size.x - px(96))
         imgui.push_font(style.bold, theme.TITLE)
-        imgui.text_unformatted(fitted(f"{self.asked.project.name}: a scan is not there", width))
+        of = self.asked.project.name if is_project(self.asked.project) else "Unsaved work"  # else the name of an autosave
+        imgui.text_unformatted(fitted(f"{of}: a scan is not there", width))
         imgui.pop_font()
         imgui.push_text_wrap_pos(px(16) + width)
         more = f"\n{len(self._left) - 1} more are missing; those beside it are found with it." if self._left[1:] else ""
