@@ -14,8 +14,8 @@ on studio, plant room and demo at 1280x720, the camera moved by 0.01 to 0.6 m: 0
 +0.3."""
 SHARE = 0.6
 """Of the earlier colour in the mixture.  The filled picture's own error and that of moved colours are independent, so that half
-of each is nearer to the network's picture than either: all of it is 0.5 to 1.8 dB worse (the same measurement), half to three
-quarters within 0.5 dB."""
+of each is nearer to the network's picture than either: all of it is 0.2 to 2.0 dB worse than half (the same measurement), three
+quarters -0.5 to +0.9 dB."""
 MOST_NEARER, FADES_OVER = 2.5, 1.0
 """How many times as near as the earlier camera the present one may be: then a moved pixel covers as many; it counts less from
 FADES_OVER before that on."""
