@@ -1,6 +1,5 @@
 // The neural picture of an earlier camera as the present one sees it, where both see the same surface; the filled picture
 // elsewhere, and as a bound: a moved colour never leaves the range of the filled picture's 3 x 3 pixels around it.
-// SMALLER: the filled picture is smaller than the result (a lower internal resolution).
 // Four pixels an invocation, which share what they read of the filled picture: software OpenGL pays for each fetch.
 // Reference implementation: model/reference/reprojection.py.
 
@@ -11,7 +10,7 @@ uniform sampler2D earlier;        // the earlier neural picture
 uniform sampler2D earlier_depth;  // of its pixels
 uniform mat3 turn;                // present view frame -> earlier view frame
 uniform vec3 shift;               // the present camera in the earlier view frame
-uniform vec4 ray;                 // 1 / fx, 1 / fy, -cx / fx, -cy / fy of the present camera, in pixels of the result
+uniform vec4 ray;                 // 1 / fx, 1 / fy, -cx / fx, -cy / fy of the present camera
 uniform vec4 lens;                // fx, fy, cx, cy of the earlier camera
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 layout(std430, binding = COMMANDS_BINDING) buffer Tally { uint moved; };  // of the pixels counted, those that were moved
@@ -32,7 +31,8 @@ void write(ivec2 at, ivec2 extent, vec4 base, float z, vec3 low, vec3 high) {
     vec2 pixel = lens.xy * (there.xy / there.z) + lens.zw;
     ivec2 texel = ivec2(floor(pixel)), bounds = textureSize(earlier, 0);
     float trust = 0.0;
-    if (z > 0.0 && base.a > 254.5 / 255.0 && there.z > 0.0 && all(greaterThanEqual(texel, ivec2(0))) && all(lessThan(texel, bounds))) {
+    bool inside = all(greaterThanEqual(texel, ivec2(0))) && all(lessThan(texel, bounds));
+    if (z > 0.0 && there.z > 0.0 && inside) {
         float known = texelFetch(earlier_depth, texel, 0).x;
         float apart = abs(known - there.z) / min(known, there.z);
         float nearer = clamp((MOST_NEARER - there.z / z) / FADES_OVER, 0.0, 1.0);
@@ -48,22 +48,6 @@ void main() {
     ivec2 at = 2 * ivec2(gl_GlobalInvocationID.xy), extent = imageSize(result);
     if (any(greaterThanEqual(at, extent))) return;
     ivec2 size = textureSize(filled, 0);
-#ifdef SMALLER
-    vec2 scale = vec2(size) / vec2(extent);
-    ivec2 own = ivec2((vec2(at) + 0.5) * scale);
-    vec3 low = vec3(1.0), high = vec3(0.0);
-    for (int y = -1; y <= 1; ++y)
-        for (int x = -1; x <= 1; ++x) {
-            vec3 colour = near(own + ivec2(x, y), size).rgb;
-            low = min(low, colour);
-            high = max(high, colour);
-        }
-    for (int y = 0; y < 2; ++y)
-        for (int x = 0; x < 2; ++x) {
-            vec2 place = (vec2(at + ivec2(x, y)) + 0.5) * scale;
-            write(at + ivec2(x, y), extent, between(filled, place, size), texelFetch(filled_depth, ivec2(place), 0).x, low, high);
-        }
-#else
     // Range of three pixels above each other, for each of four columns and both rows of the four pixels.
     vec4 own[4];
     vec3 low[8], high[8];
@@ -86,5 +70,4 @@ void main() {
             write(at + ivec2(x, y), extent, own[2 * y + x], texelFetch(filled_depth, at + ivec2(x, y), 0).x,
                   min(min(low[first], low[first + 1]), low[first + 2]), max(max(high[first], high[first + 1]), high[first + 2]));
         }
-#endif
 }

@@ -24,40 +24,30 @@ COUNTED = 8
 
 
 def reprojected(filled: np.ndarray, depth: np.ndarray, earlier: np.ndarray, earlier_depth: np.ndarray, turn: np.ndarray,
-                shift: np.ndarray, lens: np.ndarray, earlier_lens: np.ndarray, size: tuple[int, int]
-                ) -> tuple[np.ndarray, np.ndarray]:
+                shift: np.ndarray, lens: np.ndarray, earlier_lens: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The present picture with moved colours, (H, W, 4) float64 of 0..255, and which pixels have them, (H, W) bool.
 
-    filled: (h, w, 4) uint8, premultiplied, of the present camera.  depth: (h, w) float32, view-space z, 0 where it is not
-    opaque.  earlier, earlier_depth: the same of the earlier camera, neural.  turn: (3, 3) and shift: (3,), present view frame
-    -> earlier view frame.  lens, earlier_lens: fx, fy, cx, cy, the former in pixels of the result.  size: (W, H) of the result.
+    filled: (H, W, 4) uint8, premultiplied, of the present camera.  depth: (H, W) float32, view-space z, 0 where it is not
+    opaque.  earlier, earlier_depth: the same of the earlier camera, neural, of any size.  turn: (3, 3) and shift: (3,), present
+    view frame -> earlier view frame.  lens, earlier_lens: fx, fy, cx, cy in pixels.
     """
-    width, height = size
-    rows, columns = filled.shape[:2]
+    height, width = filled.shape[:2]
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    own_x, own_y = (x / width * columns).astype(int), (y / height * rows).astype(int)
-    base = sampled(filled, x / width * columns, y / height * rows)
-    z = depth[own_y, own_x].astype(np.float64)
+    base, z = filled.astype(np.float64), depth.astype(np.float64)
     there = np.stack([(x - lens[2]) / lens[0] * z, (y - lens[3]) / lens[1] * z, z], axis=-1) @ turn.T + shift
     with np.errstate(divide="ignore", invalid="ignore"):
         u = earlier_lens[0] * there[..., 0] / there[..., 2] + earlier_lens[2]
         v = earlier_lens[1] * there[..., 1] / there[..., 2] + earlier_lens[3]
-        inside = (z > 0) & (base[..., 3] > 254.5) & (there[..., 2] > 0)
+        inside = (z > 0) & (there[..., 2] > 0)
         inside &= (u >= 0) & (v >= 0) & (u < earlier.shape[1]) & (v < earlier.shape[0])
         u, v = np.where(inside, u, 0.0), np.where(inside, v, 0.0)
         known = earlier_depth[v.astype(int), u.astype(int)].astype(np.float64)
         apart = np.abs(known - there[..., 2]) / np.minimum(known, there[..., 2])
         trust = np.clip(2 - 2 * apart / SAME_DEPTH, 0, 1) * np.clip((MOST_NEARER - there[..., 2] / z) / FADES_OVER, 0, 1)
     trust = np.where(inside, trust, 0.0)
-    low, high = np.full((height, width, 3), 255.0), np.zeros((height, width, 3))
-    by_four = [(np.floor(pixel / 2) * 2 + 0.5) for pixel in (x - 0.5, y - 0.5)]  # the first of each four pixels
-    first_x, first_y = (by_four[0] / width * columns).astype(int), (by_four[1] / height * rows).astype(int)
-    if (columns, rows) == size:
-        first_x, first_y = own_x, own_y
-    for down in (-1, 0, 1):
-        for right in (-1, 0, 1):
-            near = filled[np.clip(first_y + down, 0, rows - 1), np.clip(first_x + right, 0, columns - 1), :3].astype(np.float64)
-            low, high = np.minimum(low, near), np.maximum(high, near)
+    padded = np.pad(base[..., :3], ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.stack([padded[down : down + height, right : right + width] for down in range(3) for right in range(3)])
+    low, high = around.min(axis=0), around.max(axis=0)
     moved = np.clip(sampled(earlier, u, v)[..., :3], low, high)
     share = (SHARE * trust)[..., None]
     return np.concatenate([base[..., :3] * (1 - share) + moved * share, base[..., 3:]], axis=-1), trust > 0

@@ -100,8 +100,6 @@ def sources(context, monkeypatch) -> dict[str, str]:
     programs, bridge = shader.Programs(context), ReadBackBridge(context, (8, 8))
     assert works(programs, bridge) and compute_works(context)
     canvas, moved = Canvas(context, programs, (8, 8)), Reprojection(programs, (8, 8))
-    for smaller in (False, True):
-        moved._pass(smaller)
     unpacking(programs, copied=True, bounded=False)
     for owned in (canvas, bridge, moved, programs):
         owned.release()

@@ -5,6 +5,7 @@ from window_session import finish, frame_cost, session
 
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.panels.status_bar import _columns
+from pointglass.viewer.window.planning.adaptive_lod import AdaptiveLod
 
 
 def test_a_slow_network_flies_filled_and_repaints_at_rest():
@@ -28,6 +29,20 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made.picture.adaptive_lod.keep_up = False
     made.flight.held.add("forward")
     assert made.screen.plan.views == ("filled",), "the window never waits for a slow network"
+
+
+def test_a_network_runs_beside_the_flight_only_where_whole_pictures_leave_it_time():
+    lod = AdaptiveLod(target_ms=60.0)
+    assert not lod.spare, "nothing is known yet"
+    lod.drew(None, frame_cost(total_ms=40.0, raster=10.0, move=9.0), moving=True)
+    assert lod.spare
+    lod.drew(None, frame_cost(total_ms=50.0, raster=10.0, move=9.0), moving=True)
+    assert not lod.spare
+    lod.drew(8.0, frame_cost(total_ms=30.0, raster=10.0, move=9.0), moving=True)
+    assert not lod.spare, "points are left out"
+    lod.drew(None, frame_cost(total_ms=90.0, raster=10.0), moving=True)
+    lod.drew(None, frame_cost(total_ms=30.0, raster=10.0), moving=True)
+    assert lod.scale(moving=True) == 0.5 and not lod.spare, "pixels are left out"
 
 
 def test_the_status_bar_warns_of_what_is_left_out_and_not_of_what_the_settings_ask_for():

@@ -63,18 +63,20 @@ class Reprojection:
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
-        self._programs, self.size = programs, size
+        self.size = size
         self.result = programs.context.texture(size, 4, dtype="f1")
         self._tally = programs.context.buffer(bytes(4))
         self._waits = describe_device(programs.context).software
         self.share = 0.0
-        self._passes: dict[bool, Pass] = {}
+        self._pass = Pass(programs, "reprojection", "reproject.comp", outputs=("result",), block=2,
+                          inputs=("filled", "filled_depth", "earlier", "earlier_depth"), buffers=("COMMANDS",),
+                          uniforms=("turn", "shift", "ray", "lens"), **_CONSTANTS)
 
     def run(self, filled: "moderngl.Texture", depth: "moderngl.Texture", camera: "Camera", keyframe: Keyframe
             ) -> "moderngl.Texture":
         """``filled`` with the colours of ``keyframe`` where both show the same surface, in ``result``.
 
-        camera: of ``filled`` at the size of the result; the picture itself may be smaller.  depth: Frame.filled_depth.
+        camera: of ``filled``, of the size of the result.  depth: Frame.filled_depth.
         """
         earlier = keyframe.camera
         assert earlier is not None
@@ -83,7 +85,7 @@ class Reprojection:
         if not self._waits:
             self._count()
         self._tally.clear()
-        self._pass(filled.size != self.size).run(
+        self._pass.run(
             self.result, inputs={"filled": filled, "filled_depth": depth, "earlier": keyframe.picture,
                                  "earlier_depth": keyframe.depth}, buffers={"COMMANDS": self._tally},
             turn=tuple(turn.T.ravel()), shift=tuple(shift),
@@ -96,14 +98,6 @@ class Reprojection:
     def _count(self) -> None:
         counted = -(-self.size[0] // COUNTED) * -(-self.size[1] // COUNTED)
         self.share = int(np.frombuffer(self._tally.read(), np.uint32)[0]) / counted
-
-    def _pass(self, smaller: bool) -> Pass:
-        if smaller not in self._passes:
-            self._passes[smaller] = Pass(
-                self._programs, "reprojection", "reproject.comp", outputs=("result",),
-                inputs=("filled", "filled_depth", "earlier", "earlier_depth"), buffers=("COMMANDS",),
-                uniforms=("turn", "shift", "ray", "lens"), block=2, SMALLER=1 if smaller else None, **_CONSTANTS)
-        return self._passes[smaller]
 
     def release(self) -> None:
         self.result.release()

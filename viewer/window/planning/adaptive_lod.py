@@ -42,6 +42,9 @@ LEAST_HIDDEN = 0.25
 """Share of the points that must be hidden for occlusion culling to pay."""
 OUTSIDE_WEIGHT = 0.2
 """Weight of the newest picture in the running mean of what is spent outside the renderer."""
+SPARE = 0.25
+"""Share of the target that a moving picture must leave, so that a network runs beside the flight.  It slows drawing where both
+share processors, and pictures that come late are noticed first: a choice, not measured."""
 _SLOWER = 1.25  # times the target: above it something is left out
 _FASTER = 0.9  # times the target: a higher resolution is tried where it is predicted to stay below
 _PATIENCE = 60  # frames until what did not pay is tried again
@@ -53,7 +56,8 @@ _SPARE = 0.45  # share of the points' target below which twice the points are dr
 
 
 class AdaptiveLod:
-    """keep_up: whether anything may be left out while moving.  target_ms: frame time to hold while the camera moves."""
+    """keep_up: whether anything may be left out while moving.  target_ms: frame time to hold while the camera moves.
+    spare: whether a moving picture with nothing left out leaves SPARE of that time to a network beside the flight."""
 
     def __init__(self, target_ms: float = TARGET_CPU_MS) -> None:
         self.keep_up = True
@@ -69,6 +73,7 @@ class AdaptiveLod:
         self._settled = False
         self._points = -1
         self._scale = 0
+        self.spare = False
         self._idle = self._looked = self._stay = 0
         self._no_network = self._no_scale = self._no_all = 0  # moving frames until it is tried again
         self._floor = COARSEST
@@ -155,6 +160,7 @@ class AdaptiveLod:
             max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._stay)
         )
         total, whole = max(cost.total_ms, spent), self.target_ms - self._outside
+        self.spare = level is None and self._scale == 0 and total < (1 - SPARE) * whole
         if neural and total > _SLOWER * whole:
             self._no_network = _PATIENCE
         elif not self._fit_resolution(total, spent):

@@ -19,7 +19,7 @@ class Plan:
     contended: coarse while moving, because a network of an earlier picture runs on the processors that draw.
     network: the quality that the neural view is drawn with, None without one.
     keyframes: the quality of the network that runs beside the pictures where the filled view stands in for the neural one, so
-    that what it made last can be moved; else None."""
+    that what it made last can be moved; else None.  spare: whether pictures leave time for it."""
 
     views: tuple[str, ...]
     level: float | None
@@ -30,6 +30,7 @@ class Plan:
     contended: bool = False
     network: str | None = None
     keyframes: str | None = None
+    spare: bool = False
 
 
 class RefinementState:
@@ -75,7 +76,7 @@ class RefinementState:
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
                     adaptive.scale(moving=moving, contended=contended), contended=contended,
                     deferred="neural" in drawn and not moving, network=network,
-                    keyframes=networks[-1] if stands_in else None)
+                    keyframes=networks[-1] if stands_in else None, spare=adaptive.spare)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""
