@@ -151,6 +151,8 @@ def _records(folder: Path, header: GridHeader, arrays: dict[str, np.ndarray]) ->
     fits = low is not None and low.shape == (header.count,) and (high is None or high.shape == low.shape)
     if low is None or sums is None or not fits or sums.shape != arrays["checksums"].shape or header.first is None:
         raise DamagedGrid("its record numbers do not fit its points")
+    if len(header.first) == 0 or header.first[-1] < header.count:  # each point has a number of its own
+        raise DamagedGrid("its files have fewer records than it has points")
     return PointRecords(low, high, header.first, header.scan_first, sums, str(folder))
 
 
