@@ -1,8 +1,8 @@
 """The neural picture in flight: the last one that the network made, moved to the camera of the present filled picture.
 
 On a processor the network takes as long as several pictures.  While the filled view stands in for it, in flight and until it
-has run at rest, the neural picture made last (the keyframe) is moved by depth (viewer.render.passes.reprojection), and the
-network goes on making new ones beside the flight.  Pictures that are saved know nothing of this.
+has run at rest, the neural picture made last (the keyframe) is moved by depth (viewer.render.passes.reprojection).  Where
+pictures leave time for it, the network makes new ones beside the flight.  Pictures that are saved know nothing of this.
 """
 
 from dataclasses import replace

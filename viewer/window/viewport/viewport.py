@@ -190,6 +190,7 @@ class Viewport:
         self._shown = tuple(view if view in frame.textures else "filled" for view in plan.views)
         self._asked = spec.views
         self._rate.add(perf_counter())
+        # beside a network: its time says nothing of pictures that have the processors to themselves
         self._report(replace(plan, contended=True) if renderer.keeps_network else plan, frame)
         self._look_for_points(frame, plan)
         if (problem := renderer.pages.problem) != self._problem:
