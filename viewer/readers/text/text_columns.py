@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import InputError, Option
+from ...common.text import counted
 from .text_header import OTHER, columns_named, header_words, names_angles, words_of
 from .text_numbers import decimal_mark, number
 from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
@@ -93,6 +94,8 @@ def recognise(path: Path, given: str | None = None) -> Layout:
         return Layout(named, delimiter, before, decimal, rest, degrees=degrees, words=words)
     if max(counts) > min(counts) and _ends_with_words(lines, delimiter, min(counts), decimal):
         count = min(counts)
+    if count < 3:  # the first row was told by other marks than the rows together
+        raise unknown_columns(path, f"a row has {counted(count, 'column')}: {quoted(lines[0])}; x, y and z are needed")
     table = _sample(path, delimiter, decimal, count, before)
     columns, notes = columns_by_values(path, table)
     rest = columns[-1] == OTHER and bool(np.isnan(table[:, -1]).all()) and max(counts) > count
