@@ -22,9 +22,9 @@ from e57_photo_files import pinhole, room_points, write_photos
 SIZE = (900, 600)
 
 
-def write_ply(path: Path, away: float = 0.0) -> Path:
-    """A room of 6,000 points, ``away`` metres east."""
-    xyz, rgb = room_points(6000)
+def write_ply(path: Path, away: float = 0.0, points: int = 6000) -> Path:
+    """A room, ``away`` metres east."""
+    xyz, rgb = room_points(points)
     xyz = xyz + (away, 0.0, 0.0)
     rows = "\n".join(" ".join([*(f"{value:.4f}" for value in place), *map(str, colour)])
                      for place, colour in zip(xyz.tolist(), rgb.tolist()))
@@ -273,7 +273,7 @@ def check_a_clip_that_is_deleted_while_it_is_dragged_changes_no_other(p: Person,
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, checks=CHECKS) -> None:
     report: dict[str, dict] = {}
     for name in ("scans", "old place", "projects"):
         (folder / name).mkdir()
@@ -284,7 +284,7 @@ def main(folder: Path) -> None:
     focus()
     d.settle()
     person = Person(d)
-    for name, check in CHECKS.items():
+    for name, check in checks.items():
         start, problem = time.monotonic(), None
         try:
             check(person, folder)

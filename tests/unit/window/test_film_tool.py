@@ -83,6 +83,9 @@ def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(co
     for key, before in zip(context.document.path.keyframes, path.keyframes, strict=True):
         assert np.allclose(key.view.camera_to_world, before.view.camera_to_world, atol=1e-12)
     assert len(read_cameras(tmp_path / "path.json")) == 4
+    film.path.write_path(context, film.size, tmp_path / "gone" / "path.json")
+    told = context.session.notices.message.text
+    assert told.startswith(f"{tmp_path / 'gone' / 'path.json'}: cannot be written (No such file or directory); choose")
 
 
 def test_a_keyframe_is_selected_reordered_given_a_lens_replaced_and_deleted(context):

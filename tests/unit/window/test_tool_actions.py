@@ -13,6 +13,7 @@ from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.window.file_dialog.chosen_path import examine
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
@@ -155,9 +156,11 @@ def test_csv_export_waits_for_places_in_the_file_and_a_message_says_which_are_no
     grid = [point.position for point in context.document.measurements[0].points]
     tool.export(context, file)
     reading.poll()
-    assert reading.busy and not file.exists()
+    assert reading.busy and not file.read_bytes() and tool.unfinished, "the name is kept until then"
+    assert "is writing" in examine(file, saving=True).problem
     read.set()
     reading.wait(30)
+    assert not tool.unfinished and not examine(file, saving=True).problem
     written = [[float(value) for value in line.split(",")[7:10]] for line in file.read_text().splitlines()[1:]]
     np.testing.assert_allclose(written, np.add(grid, 0.0 if note else 0.001), rtol=0, atol=1e-12)
     assert (note in context.toasts) == (note is not None)

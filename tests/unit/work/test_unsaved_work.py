@@ -9,6 +9,7 @@ from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # no
 
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.window.kit.notices import OpenProject
+from pointglass.viewer.window.session.exact_points import ExactPoints
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
@@ -174,6 +175,27 @@ def test_a_project_that_another_window_has_saved_is_not_replaced_without_a_quest
     assert not window.flow.changed and read_project(project).annotations[0].text == "mine"
     second.flow.autosave.close(keep=False)
     second.session.close()
+
+
+def test_a_project_that_appears_while_points_are_read_is_not_replaced_without_a_question(window, tmp_path, monkeypatch):
+    project = tmp_path / "room.pointglass"
+    window.edit(measurements=(TAPE,))
+    for there in ("", "saved by another window", "saved by another window again"):
+        with monkeypatch.context() as reading:
+            reading.setattr(ExactPoints, "busy", True)
+            window.flow.save()
+            assert not window.asked, "it waits"
+            project.write_text(there) if there else project.unlink(missing_ok=True)
+        window.flow.follow()
+        if there:
+            assert window.asked == "Replace the project?" and project.read_text() == there and window.flow.changed
+            window.answer("Cancel")
+            assert window.flow.changed and project.read_text() == there
+            project.unlink()
+        else:
+            assert not window.asked and not window.flow.changed
+            project.unlink()
+            window.edit(clips=(BOX,))
 
 
 def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_project_is_offered(window, tmp_path):

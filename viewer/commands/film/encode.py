@@ -95,10 +95,12 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
     goes_on = bool(there.intersection(frame_files(cameras)))
     if goes_on:
         if not resume:
-            raise InputError("holds frames already", file=out, remedy="add --resume to keep them, or choose another --out")
+            raise InputError("holds frames already", file=out,
+                             remedy=("add ", Option("--resume"), " to keep them, or choose another ", Option("--out")))
         if (kept := _read(record)) != wanted:
             other = next((key for key in wanted if kept.get(key) != wanted[key]), "content")
-            raise InputError(f"the frames there were made with another {other}", file=record, remedy="choose another --out")
+            raise InputError(f"the frames there were made with another {other}", file=record,
+                             remedy=("choose another ", Option("--out")))
     kept_names = {name for name in there if whole_png(out / name)}
     left = [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
     with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
@@ -111,7 +113,7 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
                 write_png(inside(out, f"{camera.name}.png"), picture, describe(camera) if describe is not None else None)
             except OSError as error:
                 raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error})",
-                                 remedy="make room, then go on with --resume") from None
+                                 remedy=("make room, then go on with ", Option("--resume"))) from None
             meter.update(1)
     return len(left)
 

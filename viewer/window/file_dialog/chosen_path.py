@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
+from ....model.common.system import locked
 from .folder_list import words
 
 LONGEST_NAME = 255
@@ -33,6 +34,8 @@ def examine(path: Path, saving: bool) -> Examined:
         if path.exists() or path.is_symlink():
             may = os.access(path, os.W_OK if saving else os.R_OK)
             why = "" if may else f"{path}: you do not have permission to {'replace' if saving else 'read'} it"
+            if saving and _reserved(path):
+                why = f"{path}: a window is writing this file; choose another name"
             return Examined(path, exists=True, problem=why)
         if not saving:
             return Examined(path, problem=f"{path}: it does not exist")
@@ -43,6 +46,21 @@ def examine(path: Path, saving: bool) -> Examined:
         return Examined(path)
     except (OSError, ValueError) as error:
         return Examined(path, problem=f"{path}: {words(error) if isinstance(error, OSError) else error}")
+
+
+def _reserved(path: Path) -> bool:
+    """Whether a window has reserved this name, and writes its file (model.common.files.temporary).  Raises OSError."""
+    if not path.is_file() or path.stat().st_size:
+        return False
+    try:
+        held = locked(path)
+    except BlockingIOError:
+        return True
+    except OSError:  # it cannot be opened, or is a link
+        return False
+    if held is not None:
+        os.close(held)
+    return False
 
 
 def pasted(text: str) -> str:

@@ -5,6 +5,7 @@ in the document, so it is undone, saved and exported with it.
 """
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ from ...work.measure import (
     write_csv,
 )
 from ...work.places.pick import Picked
+from ..saving.capture import name_kept
 from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
@@ -96,6 +98,7 @@ class Measure(Tool):
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
         self._history: History[Document] | None = None  # of the work that the points belong to
+        self._export: ExitStack | None = None  # waits for points; it keeps the name of its file
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.clicks == 0:
@@ -144,6 +147,9 @@ class Measure(Tool):
         work = context.session.work
         if work.history is not self._history:
             self._history, begun = work.history, work.begun
+            if self._export is not None:  # its points are no longer read
+                self._end_export()
+                context.toast("The measurements were not exported: their scan was left")
             self.points = list(begun.points) if begun is not None else []
             if begun is not None:
                 self.kind, self.wanted = begun.kind, True
@@ -279,7 +285,21 @@ class Measure(Tool):
         reading = context.session.work.exact_points
         if reading.busy:
             context.toast("The measurements are exported when their points have been read from the file")
+            self._export = self._export or ExitStack()
+            self._export.enter_context(name_kept(path))
         reading.when_read(lambda: self._write(context, path))
+
+    def _end_export(self) -> None:
+        waiting, self._export = self._export, None
+        if waiting is not None:
+            waiting.close()
+
+    @property
+    def unfinished(self) -> str:
+        return "Measurements are exported when their points have been read." if self._export is not None else ""
+
+    def close(self) -> None:
+        self._end_export()
 
     def _write(self, context: ToolContext, path: Path) -> None:
         try:
@@ -288,3 +308,4 @@ class Measure(Tool):
             context.session.notices.say("The measurements cannot be exported", error)
         else:
             context.toast(f"Exported to {path}")
+        self._end_export()

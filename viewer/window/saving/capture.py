@@ -25,8 +25,18 @@ def stamped(prefix: str, suffix: str, folder: Path) -> Iterator[Path]:
             path = stack.enter_context(reserved(
                 first if number == 1 else folder / f"{stem}-{number}{suffix}" for number in itertools.count(1)))  # fmt: skip
         except OSError as error:
-            raise _unwritable(first, error) from None
+            raise unwritable(first, error) from None
         yield path
+
+
+@contextlib.contextmanager
+def name_kept(path: Path) -> Iterator[None]:
+    """Within the block another window finds ``path`` taken, where nothing lies there yet: what takes minutes is written under a
+    name that was free when it was chosen.  Where the name cannot be reserved, whoever writes says why."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):
+            stack.enter_context(reserved([path]))
+        yield
 
 
 def write_beside(path: Path, data: bytes) -> None:
@@ -34,7 +44,7 @@ def write_beside(path: Path, data: bytes) -> None:
     try:
         write_atomic(path, lambda beside: beside.write_bytes(data))
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise unwritable(path, error) from None
 
 
 def save_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) -> None:
@@ -45,9 +55,10 @@ def save_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) 
     try:
         write_png(path, image, text)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise unwritable(path, error) from None
 
 
-def _unwritable(path: Path, error: OSError) -> InputError:
+def unwritable(path: Path, error: OSError) -> InputError:
+    """What a person reads where a file cannot be written."""
     return InputError(f"cannot be written ({error.strerror or error})", file=path,
                       remedy="choose a folder that has room and can be written to")

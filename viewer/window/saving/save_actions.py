@@ -100,6 +100,11 @@ class SaveActions:
         self._session.notices.toast(f"Rendering {width} x {height} pixels beside the window…")
         return job.out
 
+    @property
+    def unfinished(self) -> list[str]:
+        """What would be lost if the window closed now, in sentences."""
+        return ["A picture is being rendered."] if self.still is not None else []
+
     def follow(self) -> None:
         """Called in every turn of the loop: says where a picture was saved that is ready, or why not."""
         if self.still is None or not self.still.finished:

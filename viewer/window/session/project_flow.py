@@ -18,7 +18,7 @@ from ...common.text import counted, printable
 from ...work.document import Document, Viewpoint
 from ...work.history import History
 from ...work.measure import Begun
-from ...work.project import SUFFIX
+from ...work.project import SUFFIX, digest_of
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import Answer, ToastSubject
 from .autosave import Autosave, UnsavedWork, discard, lock
@@ -38,12 +38,14 @@ _Content = tuple[Document, Begun | None]
 
 @dataclass(frozen=True)
 class _Saving:
-    """A project that is saved once its points have been read.  history: of the work that is meant.  until: of monotonic()."""
+    """A project that is saved once its points have been read.  history: of the work that is meant.  until: of monotonic().
+    there: digest of the file that may be replaced, "" where there was none."""
 
     path: Path
     then: Callable[[], object]
     history: History[Document]
     until: float
+    there: str
 
 
 class ProjectFlow:
@@ -143,14 +145,17 @@ class ProjectFlow:
             else:
                 self._write(path, then)
         elif work.changed_on_disk:
-            project = work.project
-            self._session.notices.ask(
-                "Replace the project?", f"Another window or program has written {project} since it was opened or saved here. "
-                "Replace loses what it wrote.", (
-                    Answer("Save as…", lambda: self.save_as(then)), Answer("Replace", lambda: self._write(project, then)),
-                    Answer("Cancel")))  # fmt: skip
+            self._ask_to_replace(work.project, "it was opened or saved here", then)
         else:
             self._write(work.project, then)
+
+    def _ask_to_replace(self, path: Path, since: str, then: Callable[[], object]) -> None:
+        """since: when the file was last known, in words."""
+        self._session.notices.ask(
+            "Replace the project?", f"Another window or program has written {path} since {since}. "
+            "Replace loses what it wrote.", (
+                Answer("Save as…", lambda: self.save_as(then)), Answer("Replace", lambda: self._write(path, then)),
+                Answer("Cancel")))  # fmt: skip
 
     def save_as(self, then: Callable[[], object] = lambda: None) -> None:
         """Asks for a file, and saves the project in it."""
@@ -165,7 +170,7 @@ class ProjectFlow:
         """Saves; where points are still being read from their files, once they have come."""
         work, self._saving = self._session.work, None
         if work.exact_points.busy:
-            self._saving = _Saving(path, then, work.history, monotonic() + READING_S)
+            self._saving = _Saving(path, then, work.history, monotonic() + READING_S, digest_of(path))
             self._session.notices.toast("Saving once the points have been read from their file…")
         else:
             self._write_now(path, then)
@@ -181,8 +186,12 @@ class ProjectFlow:
         waiting = self._saving
         if waiting is not None and (not work.exact_points.busy or monotonic() >= waiting.until):
             self._saving = None
-            if waiting.history is work.history:
+            if waiting.history is not work.history:
+                return
+            if digest_of(waiting.path) in ("", waiting.there):
                 self._write_now(waiting.path, waiting.then)
+            else:  # another window has saved in the same file meanwhile
+                self._ask_to_replace(waiting.path, "saving it began", waiting.then)
 
     def _write_now(self, path: Path, then: Callable[[], object]) -> None:
         session = self._session

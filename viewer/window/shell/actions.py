@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
@@ -13,7 +13,7 @@ from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
-from ..interaction.tool import Toolbox, ToolContext
+from ..interaction.tool import KeyEvent, Toolbox, ToolContext
 from ..kit.notices import Offer
 from ..saving.save_actions import SaveActions
 from ..session.project_flow import ProjectFlow
@@ -23,6 +23,7 @@ from ..session.session import Session
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
+    from .input import Input
 
 _WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
 """Actions that work, or say why they do not, on the start page."""
@@ -32,6 +33,8 @@ _WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot",
 class Host(Protocol):
     """The parts of a window that act."""
 
+    imgui: Any
+    input: "Input"
     session: Session
     toolbox: Toolbox
     tools: ToolContext
@@ -41,7 +44,6 @@ class Host(Protocol):
 
     def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None: ...
     def close_scan(self) -> None: ...
-    def escape(self) -> None: ...
     def request_close(self) -> None: ...
 
 
@@ -130,7 +132,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "profiler": lambda: setattr(session, "profiler", not session.profiler),
         "help": lambda: setattr(session, "help", not session.help),
         "interface": session.show_or_hide_interface,
-        "escape": app.escape,
+        "escape": partial(_escape, app),
         "quit": app.request_close,
         "undo": partial(step, app.tools, redo=False),
         "redo": partial(step, app.tools, redo=True),
@@ -149,6 +151,23 @@ def _walk(app: Host) -> None:
     fly = app.toolbox.fly
     assert isinstance(fly, Fly)
     fly.walk_mode.toggle(app.tools)
+
+
+def _escape(app: Host) -> None:
+    """Lets go of the pointer, or closes the one thing that lies on top: what a tool has begun lies below help and lists, and is
+    not seen while the interface is hidden."""
+    imgui, session, toolbox = app.imgui, app.session, app.toolbox
+    plain = session.notices.message is None and not session.help and session.interface
+    if toolbox.holding or session.dragging_handle:
+        app.input.release_pointer()
+    elif session.notices.message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
+        imgui.internal.close_popups_except_modals()
+    elif plain and session.scene is not None and toolbox.key_event(KeyEvent("ESCAPE", "press"), app.tools):
+        pass
+    elif plain and toolbox.active is not toolbox.fly:
+        toolbox.select(toolbox.fly.name, app.tools)
+    else:
+        session.escape()
 
 
 def _open_scans(app: Host) -> None:

@@ -192,25 +192,17 @@ class App:
         area = self.session.area
         area.density = area.window_size[0] / width if width and area.window_size[0] else 1.0
 
-    def escape(self) -> None:
-        """Lets go of the pointer, or closes one thing."""
-        imgui, message = self.imgui, self.session.notices.message
-        if self.toolbox.holding or self.session.dragging_handle:
-            self.input.release_pointer()
-        elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
-            imgui.internal.close_popups_except_modals()
-        elif message is None and not self.session.help and self.toolbox.active is not self.toolbox.fly:
-            self.toolbox.select(self.toolbox.fly.name, self.tools)
-        else:
-            self.session.escape()
-
     def request_close(self) -> None:
         """Closes the window, once the work is saved or given up."""
         self.wake()
         if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.at_stake:
             self.glfw.restore_window(self.window)  # the question must be seen
-        end = partial(self.projects.end, self.toolbox.unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
-        self.projects.leave(end)
+        self.projects.leave(self._end)
+
+    def _end(self) -> None:
+        """Closes the window, whose work is saved or given up; asks first where something is unfinished."""
+        unfinished = [*self.toolbox.unfinished, *self.save_actions.unfinished]
+        self.projects.end(unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
 
     # -- the loop ----------------------------------------------------------------------------------------------------
 

@@ -126,7 +126,8 @@ class Input:
             kinds: dict[int, Literal["press", "release", "repeat"]] = {
                 glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
             }  # fmt: skip
-            if host.toolbox.key_event(KeyEvent(name, kinds[action], modifiers), host.tools):
+            # of Esc the action "escape" gives to the tool what is not for something above it
+            if name != "ESCAPE" and host.toolbox.key_event(KeyEvent(name, kinds[action], modifiers), host.tools):
                 return
             if chord is not None:
                 host.act(chord.action)

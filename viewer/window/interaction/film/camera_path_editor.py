@@ -14,6 +14,7 @@ from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_ca
 from ....work.document import Keyframe, Viewpoint, replaced, unique_name, without
 from ...flight.navigation import view_along
 from ...kit.widgets import compact_button
+from ...saving.capture import unwritable
 from ..editing import edit
 from ..tool import ToolContext
 from .timeline import Timeline
@@ -127,7 +128,8 @@ class CameraPathEditor:
         try:
             write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None)
         except (PointglassError, OSError) as error:
-            context.session.notices.say("The camera path cannot be written", error)
+            told = unwritable(file, error) if isinstance(error, OSError) else error
+            context.session.notices.say("The camera path cannot be written", told)
         else:
             context.toast(f"Saved {file}")
 

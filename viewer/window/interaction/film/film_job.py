@@ -11,6 +11,7 @@ from ....picture.edits import NO_EDITS, Edits
 from ....picture.settings import Settings
 from ....work.ghosts import prepared
 from ...kit.worker import Worker
+from ...saving.capture import name_kept, unwritable
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -36,23 +37,30 @@ class FilmJob:
 
         Raises PointglassError.
         """
+        if self.scene is None or not self.cameras:
+            raise InputError("a film needs a scan and a keyframe", remedy="add a keyframe first")
+        if self.out.suffix.lower() not in MP4:
+            return self._render(self.scene, resume=True)
+        with name_kept(self.out):
+            return self._render(self.scene, resume=False)
+
+    def _render(self, scene: "Scene", *, resume: bool) -> str:
         from ....render.device.context import create_context
         from ....render.renderer import Renderer
 
-        if self.scene is None or not self.cameras:
-            raise InputError("a film needs a scan and a keyframe", remedy="add a keyframe first")
         if self.settings.view == "neural":
             from .....model.common.process.torch_process import prepare_inference
 
             prepare_inference()
         context = create_context()
         try:
-            scene = prepared(self.scene, self.edits.ghosts)
+            scene = prepared(scene, self.edits.ghosts)
             renderer = Renderer(context, scene)
             try:
                 return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
-                            supersample=self.supersample, background=self.background, edits=self.edits,
-                            resume=self.out.suffix.lower() not in MP4)
+                            supersample=self.supersample, background=self.background, edits=self.edits, resume=resume)
+            except OSError as error:  # of the folder's record
+                raise unwritable(self.out, error) from None
             finally:
                 renderer.release()
         finally:

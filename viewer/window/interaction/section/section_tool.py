@@ -19,6 +19,7 @@ from ....work.places.pick import Picked
 from ....work.places.up_axis import upright_axes
 from ....work.selection import Selection
 from ...kit.worker import Worker
+from ...saving.capture import name_kept
 from ..editing import Pointing, edit, end, ended, metres_per_unit, unit_of
 from ..tool import PointerEvent, Tool, ToolContext
 from .sheet_preview import SheetPreview, preview_dpi
@@ -160,7 +161,8 @@ class SectionTool(Tool):
             from ....commands.section.sheet import write_sheet
 
             paper = paper_of(scene, scale)
-            write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
+            with name_kept(out):
+                write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
             return out
 
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
@@ -196,6 +198,10 @@ class SectionTool(Tool):
 
     def left(self, context: ToolContext) -> None:
         self.preview.shown = False
+
+    @property
+    def unfinished(self) -> str:
+        return "A sheet is being drawn." if self.worker is not None else ""
 
     def close(self) -> None:
         end(self.worker)
