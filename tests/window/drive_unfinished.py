@@ -17,6 +17,8 @@ from pointglass.viewer.commands.section import sheet
 from pointglass.viewer.window.interaction.film import film_job
 from pointglass.viewer.window.saving import still_job
 from pointglass.viewer.window.session import exact_points
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import read_project, write_project
 
 
 @contextmanager
@@ -182,6 +184,41 @@ def check_escape_closes_what_lies_above_points_that_are_set(p: Person, folder: P
     assert not tool.points and p.d.app.toolbox.active is tool
     p.key("Escape")
     assert p.d.app.toolbox.active is p.d.app.toolbox.fly
+
+
+def check_a_scan_that_is_left_out_while_it_is_away_is_shown_when_it_is_back(p: Person, folder: Path) -> None:
+    there, gone = (write_ply(folder / "scans" / f"{name}.ply", away) for name, away in (("there", 0.0), ("gone", 6.0)))
+    project, away = folder / "scans" / "pair.pointglass", folder / "away.ply"
+    write_project(project, Document((ScanFile(str(there)), ScanFile(str(gone)))))
+    gone.rename(away)
+    p.d.drop(project)
+    p.d.until(lambda: p.d.app.missing_scans.asked is not None)
+    p.d.settle()
+    p.click("Leave it out")
+    p.opened("there.ply")
+    p.key("ctrl+s")
+    p.d.until(lambda: any("Saved" in toast.text for toast in p.d.session.notices.toasts))
+    away.rename(gone)
+    p.d.drop(project)
+    p.opened("there.ply and 1 more")
+    assert [scan.visible for scan in read_project(project).scans] == [True, True]
+
+
+def check_a_save_that_asks_takes_the_place_of_the_open_dialog(p: Person, folder: Path) -> None:
+    taken = folder / "scans" / "there.pointglass"
+    taken.write_text("somebody's")
+    p.d.drop(folder / "scans" / "there.ply")
+    p.opened("there.ply")
+    p.key("o")
+    p.listed()
+    p.key("ctrl+s")  # the usual name is taken
+    p.d.until(lambda: p.choice is not None and p.choice.saving)
+    p.listed()
+    p.key("ctrl+s")
+    p.d.settle()
+    assert p.choice.saving and p.choice.text == "there.pointglass"
+    p.key("Escape")
+    assert p.choice is None and taken.read_text() == "somebody's"
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}

@@ -271,8 +271,10 @@ def test_what_is_recorded_of_a_scan_stays_where_it_is_saved_while_the_scan_is_aw
     if away == "before it is opened":
         gone.unlink()
         work.located = {str(gone): None}
-    work.begin([project])
+    read = work.begin([project])
+    assert read == ([here] if away == "before it is opened" else [here, gone])
     work.accept()
+    assert not work.changed(Settings(), "plain"), "what is left out stays in the project"
     gone.unlink(missing_ok=True)
     here.write_text("here, and changed")
     for path in (project, tmp_path / "copy.pointglass", project):
@@ -282,6 +284,7 @@ def test_what_is_recorded_of_a_scan_stays_where_it_is_saved_while_the_scan_is_aw
     gone.write_text("another, as long as it likes")
     work.save_project(project, context.camera, Settings(), "sky")
     assert places_in(project)[str(gone)].size == 12, "the work belongs to the file that was loaded"
+    assert work.begin([project]) == [here, gone], "it is back"
     assert len(work.note_loaded([here, gone])) == 2
     work.save_project(project, context.camera, Settings(), "sky")
     assert [places_in(project)[str(path)].size for path in (here, gone)] == [17, 28]

@@ -55,11 +55,6 @@ class FileDialogs:
         self._since = 0.0  # when it was opened, seconds
 
     @property
-    def shown(self) -> bool:
-        """Whether a dialog is open, of either sort."""
-        return self.choice is not None or self._system is not None
-
-    @property
     def polls(self) -> bool:
         """Whether the system's dialog is open, which does not wake the loop."""
         return self._system is not None
@@ -87,8 +82,10 @@ class FileDialogs:
         return [folder.absolute() for folder in found if folder is not None]
 
     def _show(self, request: Request, folder: Path | None = None) -> None:
-        if self.shown:
+        """A dialog inside the window that asks for something else goes: what was asked for last is what a person wants."""
+        if self._system is not None or (self.choice is not None and self.choice.request.title == request.title):
             return
+        self.close()
         begin = ([folder] if folder is not None else []) + self.first_folders(request.purpose)
         self.has_system = system_dialog()  # which may have been installed meanwhile
         if self.has_system and not self.folders.in_window:

@@ -143,7 +143,7 @@ class MissingScansDialog:
     def _buttons(self, style: Theme, width: float, other: str, disabled: str) -> str:
         """Draws the buttons, ``other`` at the left.  Returns the label of the one that was clicked, "" for none."""
         px, clicked = style.px, ""
-        explained = "Opens the project without this scan" if self.doubt is None else ""
+        explained = "Opens the project without this scan, which stays in it" if self.doubt is None else ""
         if button(other, style, width=px(120), disabled=disabled, explained=explained, primary=other == self._chosen.label):
             clicked = other
         imgui.same_line()

@@ -123,19 +123,24 @@ class DocumentState:
         """
         if recovered is not None:
             opening = opening_of(recovered)
-            opening = replace(opening, document=relocated(opening.document, self.located))
-            scans = scans_of(opening.project or recovered.file, opening.document)
-            self._next = opening
+            document, scans = self._located(opening.project or recovered.file, opening.document)
+            self._next = replace(opening, document=document)
             return scans
         project = project_among(paths)
         if project is None:
             self._next = Opening(Document(tuple(ScanFile(str(path)) for path in paths)))
             return list(paths)
         digest, saved = digest_of(project), read_project(project)
-        document = relocated(saved, self.located)
-        scans = scans_of(project, document)
+        document, scans = self._located(project, saved)
         self._next = Opening(document, project, digest, saved)
         return scans
+
+    def _located(self, project: Path, saved: Document) -> tuple[Document, list[Path]]:
+        """The document with its scans where a person located them, and those to read.  One that was left out, because it was
+        not there, stays in the document: it is asked for again, or shown when it is back.  Raises as :meth:`begin`."""
+        there = {path: now for path, now in self.located.items() if now is not None}
+        away = {path: None for path in self.located if path not in there and not os.path.exists(path)}
+        return relocated(saved, there), scans_of(project, relocated(saved, there | away))
 
     def accept(self) -> Document:
         """What :meth:`begin` began is shown now.  Returns its document."""
