@@ -2,13 +2,16 @@
 written, a name that another window writes to, and Esc where something lies above points that are set."""
 
 import errno
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 from drive_dialogs import Person, main, write_ply
 from x_keyboard import xdo
 
@@ -207,7 +210,7 @@ def check_a_scan_that_is_left_out_while_it_is_away_is_shown_when_it_is_back(p: P
 def check_a_save_that_asks_takes_the_place_of_the_open_dialog(p: Person, folder: Path) -> None:
     taken = folder / "scans" / "there.pointglass"
     taken.write_text("somebody's")
-    p.d.drop(folder / "scans" / "there.ply")
+    p.d.drop(write_ply(folder / "scans" / "there.ply", points=100_000))
     p.opened("there.ply")
     p.key("o")
     p.listed()
@@ -219,6 +222,58 @@ def check_a_save_that_asks_takes_the_place_of_the_open_dialog(p: Person, folder:
     assert p.choice.saving and p.choice.text == "there.pointglass"
     p.key("Escape")
     assert p.choice is None and taken.read_text() == "somebody's"
+
+
+SILENT_HOLDER = """
+import ctypes, time
+x = ctypes.CDLL("libX11.so.6")
+x.XOpenDisplay.restype, x.XDefaultRootWindow.restype = ctypes.c_void_p, ctypes.c_ulong
+display = ctypes.c_void_p(x.XOpenDisplay(None))
+window = x.XCreateSimpleWindow(display, ctypes.c_ulong(x.XDefaultRootWindow(display)), 0, 0, 1, 1, 0, 0, 0)
+x.XSetSelectionOwner(display, x.XInternAtom(display, b"CLIPBOARD", 0), window, 0)
+x.XSync(display, 0)
+print("holds", flush=True)
+time.sleep(600)
+"""
+"""A program that holds the clipboard and does not answer."""
+
+
+def check_a_program_that_holds_the_clipboard_and_hangs_does_not_stop_the_window(p: Person, folder: Path) -> None:
+    session, tool = p.d.session, tool_of(p, "measure")
+    copied = session.flight.state
+    p.key("ctrl+c")
+    session.flight.go(replace(copied, position=copied.position + 0.5))
+    p.d.settle()
+    p.key("ctrl+v")
+    assert np.allclose(session.flight.state.position, copied.position)
+    holder = subprocess.Popen([sys.executable, "-c", SILENT_HOLDER], stdout=subprocess.PIPE)
+    try:
+        assert holder.stdout is not None and holder.stdout.readline() == b"holds\n"
+
+        def told() -> bool:
+            return any("does not answer" in toast.text for toast in session.notices.toasts)
+
+        p.key("ctrl+v")
+        assert told() and np.allclose(session.flight.state.position, copied.position)
+        session.notices.toasts = []
+        if not session.document.measurements:
+            p.d.rest()
+            set_points(p, "distance", 2)
+        else:
+            p.key("t")
+        p.click("##name")
+        xdo("keydown", "ctrl")
+        p.d.settle(4)
+        p.key("v")
+        p.d.settle(4)
+        xdo("keyup", "ctrl")
+        p.d.until(told)
+        assert session.document.measurements[0].name == "Distance"
+    finally:
+        holder.kill()
+        holder.wait()
+    p.key("Escape", "Escape")
+    assert p.d.app.toolbox.active is not tool
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}

@@ -87,7 +87,8 @@ class App:
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=lambda on: self.input.set_captured(on))
-        self.tools.clipboard = SystemClipboard(glfw, self.window)
+        self.tools.clipboard = self.clipboard = SystemClipboard(glfw, self.window, self.session.notices.toast)
+        imgui.get_platform_io().platform_get_clipboard_text_fn = lambda _context: self.clipboard.read()
         self.tools.files = self.files
         self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
         self.tools.saves = self.save_actions
@@ -302,6 +303,7 @@ class App:
         self.toolbox.close()
         self.gamepad.close()
         self.session.close()
+        self.clipboard.close()
         self.start_page.release()
         self.viewport.release()
         imgui = self.imgui
