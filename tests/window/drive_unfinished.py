@@ -276,6 +276,42 @@ def check_a_program_that_holds_the_clipboard_and_hangs_does_not_stop_the_window(
     assert p.d.app.toolbox.active is not tool
 
 
+def type_into(p: Person, label: str, text: str) -> None:
+    """Types into a slider, which a click with Ctrl makes a field."""
+    xdo("keydown", "ctrl")
+    p.d.settle(4)
+    p.click(label)
+    p.d.settle(4)
+    xdo("keyup", "ctrl")
+    p.d.settle(4)
+    xdo("type", "--delay", 8, text)
+    p.d.settle(16)
+    p.key("Return")
+    p.d.settle(8)
+
+
+def check_text_that_is_no_number_changes_nothing(p: Person, folder: Path) -> None:
+    section, session = tool_of(p, "section"), p.d.session
+    p.key("n")
+    type_into(p, "##height", "4")
+    assert section.height == 4.0, f"typed as {section.height}"
+    for label in ("##height", "##thickness"):
+        type_into(p, label, "nan")
+    assert section.height == 4.0 and np.isfinite(section.thickness or 0.0) and section.cut(p.d.app.tools) is not None
+    section.kind = "elevation"
+    p.d.settle()
+    type_into(p, "##azimuth", "nan")
+    assert np.isfinite(section.azimuth)
+    p.key("k")
+    for away in (0.0, 0.5):
+        session.flight.go(replace(session.flight.state, position=session.flight.state.position + away))
+        p.click("Add keyframe here")
+    before = session.document.path
+    type_into(p, "##length", "nan")
+    assert len(before.keyframes) > 1 and session.document.path == before
+    p.key("Escape")
+
+
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}
 
 

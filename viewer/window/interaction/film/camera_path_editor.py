@@ -4,6 +4,7 @@ The path is that of ``pointglass video``: a spline through position, direction a
 """
 
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -197,7 +198,7 @@ class CameraPathEditor:
             return
         ui.set_next_item_width(-1)
         changed, seconds = ui.drag_float("##length", length, 0.1, 0.2, 3600.0, "length %.1f s", clamp)
-        if changed:
+        if changed and isfinite(seconds):  # "nan" may be typed
             self.set_length(context, seconds)
         changed, closed = ui.checkbox("back to the first keyframe", path.closed)
         if changed:

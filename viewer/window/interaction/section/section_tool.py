@@ -220,11 +220,11 @@ class SectionTool(Tool):
             ui.set_next_item_width(-1)
             low, high = self._heights(context)
             changed, height = ui.slider_float("##height", self._height(context), low, high, f"height %.2f {unit}", clamp)
-            self.height = height if changed else self.height
+            self.height = height if changed and np.isfinite(height) else self.height  # "nan" may be typed
         elif self.kind == "elevation":
             ui.set_next_item_width(-1)
             changed, azimuth = ui.slider_float("##azimuth", self.azimuth, 0.0, 360.0, "looking %.0f°", clamp)
-            self.azimuth = azimuth if changed else self.azimuth
+            self.azimuth = azimuth if changed and np.isfinite(azimuth) else self.azimuth
             if ui.button("As the camera looks"):
                 x, y, _ = upright_axes(context.document.up).T @ context.camera.forward
                 self.azimuth = float(np.degrees(np.arctan2(x, y)) % 360)
@@ -237,7 +237,7 @@ class SectionTool(Tool):
             least, most = (high - low) / 1e4, 10 * float(np.ptp(context.scene.bounds, axis=0).max())
             text = f"thickness %.3f {unit}"
             changed, thickness = ui.drag_float("##thickness", now, now / 100, least, most, text, clamp)
-            self.thickness = thickness if changed else self.thickness
+            self.thickness = thickness if changed and np.isfinite(thickness) else self.thickness
             if ui.button("Clip the view to it"):
                 self.keep_slab(context)
         self._save(ui, context)

@@ -213,12 +213,12 @@ class Stations(Tool):
         ui.set_next_item_width(-1)
         clamp = ui.SliderFlags_.always_clamp
         _, percent = ui.slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%", clamp)
-        shown.blend = percent / 100.0
+        shown.blend = percent / 100.0 if np.isfinite(percent) else shown.blend  # "nan" may be typed
         _, shown.split = ui.checkbox("split against the view", shown.split)
         if shown.split:
             ui.set_next_item_width(-1)
             _, percent = ui.slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%", clamp)
-            shown.split_at = percent / 100.0
+            shown.split_at = percent / 100.0 if np.isfinite(percent) else shown.split_at
         if (psnr := context.viewport.photos.psnr) is not None:
             ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view")
         else:
