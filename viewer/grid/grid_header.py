@@ -20,6 +20,8 @@ from .density_layers import EARLIER_PARTS, PARTS
 
 VERSION = 4
 """Of the folder's format."""
+LARGEST = 1e100
+"""Numbers of this size and beyond are damage: no coordinate is near it, and its square is finite."""
 _CONVERSION_ERRORS = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError, InputError)
 
 
@@ -83,7 +85,7 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
         raise DamagedGrid(f"{META}: {first_line(error)}") from None
     numbers = [header.cell_size, header.spacing, *header.origin.reshape(-1), *header.bounds.reshape(-1)]
     shaped = header.origin.shape == (3,) and header.bounds.shape == (2, 3)
-    if not (shaped and np.isfinite(numbers).all() and min(numbers[:2]) > 0):
+    if not (shaped and _usable(numbers) and min(numbers[:2]) > 0):
         raise DamagedGrid("its numbers are not usable")
     if header.parts not in (1, EARLIER_PARTS, PARTS):
         raise DamagedGrid(f"its points lie in {header.parts} parts")
@@ -93,10 +95,15 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
         raise DamagedGrid("the first record numbers of its scans are not usable")
     if (noise := header.noise) is not None:
         numbers = np.concatenate([noise.origin.reshape(-1), noise.curve.reshape(-1), [noise.voxel, noise.overall]])
-        fits = noise.origin.shape == (3,) and noise.curve.shape == (KNOTS,) and np.isfinite(numbers).all()
+        fits = noise.origin.shape == (3,) and noise.curve.shape == (KNOTS,) and _usable(numbers)
         if not (fits and numbers[3:].min() >= 0 and noise.voxel > 0):
             raise DamagedGrid("its noise is not usable")
     return header
+
+
+def _usable(numbers) -> bool:
+    """Whether numbers are finite and leave room: what is made of two of them is finite, too."""
+    return bool((np.abs(numbers) < LARGEST).all())
 
 
 def checksum_of(head: dict) -> int:
