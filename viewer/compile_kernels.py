@@ -8,6 +8,7 @@ points at it, looks for passers-by, lays a photograph over a view, renders the s
 the cache.  Without it the first scan that is opened waits for the compiler instead.
 """
 
+import contextlib
 import os
 import shutil
 import sys
@@ -16,7 +17,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..model.common.process.signals import cleaned
-from .common.errors import DeviceError
+from .common.errors import DeviceError, PointglassError
 
 
 def compile_kernels() -> str | None:
@@ -70,7 +71,10 @@ def _draw_and_point() -> None:
     from .commands.section.cut import plan
     from .commands.section.orthographic import draw
     from .grid.open_scene import open_scene
+    from .grid.scene import unpack
     from .picture.camera import from_fov
+    from .picture.clip import vector
+    from .work.fits.fit import fit_at
     from .work.places.pick import pick, surface_around
     from .work.selection import Selection
 
@@ -81,6 +85,8 @@ def _draw_and_point() -> None:
     pose[:3, 3] = middle
     pick(scene, from_fov(64, 48, 60.0, pose), np.ones((48, 64), bool), np.ones((48, 64), np.float32), (32.0, 24.0))
     surface_around(scene, middle)
+    with contextlib.suppress(PointglassError):
+        fit_at(scene, vector(unpack(scene, slice(0, 1))[0][0]), "plane")
 
 
 def _find_ghosts_and_show_photograph() -> None:

@@ -1,5 +1,7 @@
 """Random documents with every field set, for tests of history and project files."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pointglass.viewer.picture.camera import look_at
@@ -8,7 +10,8 @@ from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
-from pointglass.viewer.work.measure import KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.work.fits.fit import Fit
+from pointglass.viewer.work.measure import FITTED, KINDS, MeasuredPoint, Measurement
 
 
 def random_view(random, name: str) -> Viewpoint:
@@ -17,12 +20,24 @@ def random_view(random, name: str) -> Viewpoint:
     return Viewpoint(name, tuple(tuple(map(float, row)) for row in matrix), float(random.uniform(5, 120)))
 
 
+def random_fit(random, kind: str) -> Fit:
+    direction = random.normal(size=3)
+    low, high, seen, sigma = map(float, random.uniform([-2, 1, 0, 0], [-1, 2, 360, 0.01]))
+    place, axis = vector(random.uniform(-1e6, 1e6, 3)), vector(direction / np.linalg.norm(direction))
+    radius, unsure, tilt = map(float, random.random(3))
+    return Fit(kind, place, axis, radius, low, high, seen, sigma, int(random.integers(30, 10_000)), unsure, tilt)
+
+
 def random_document(random, scans: list[str]) -> Document:
     def point() -> MeasuredPoint:
         return MeasuredPoint(vector(random.uniform(-1e6, 1e6, 3)), float(random.random()), float(random.random()), "scan é 1")
 
+    def points(kind: str) -> tuple[MeasuredPoint, ...]:
+        fit = random_fit(random, kind) if kind in FITTED else None
+        return tuple(replace(point(), fit=fit) for _ in range(KINDS[kind][0]))
+
     kinds = list(KINDS)
-    measurements = [Measurement(kind, tuple(point() for _ in range(KINDS[kind][0])), f"M {i}")
+    measurements = [Measurement(kind, points(kind), f"M {i}")
                     for i, kind in enumerate(random.choice(kinds, 4))]
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     rows = tuple(vector(row) for row in axes)

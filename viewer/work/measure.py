@@ -1,4 +1,5 @@
-"""Measurements between measured points: length, height difference, angle and area, each with its uncertainty.
+"""Measurements between measured points: length, height difference, angle and area, and of surfaces fitted at a point: slope and
+diameter; each with its uncertainty.
 
 Uncertainty (GUM, JCGM 100:2008, 5.1.2): a value f of points p_i has the variance sum |df/dp_i|^2 s_i^2.  A point that was
 snapped to stands for a place up to half the point spacing d away, evenly distributed, which has the variance d^2 / 12 along an
@@ -8,18 +9,15 @@ stated is the expanded uncertainty with k = 2 (95 %).  Errors of the registratio
 Frame: file coordinates, file units; angles in degrees.
 """
 
-import csv
-import io
-from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...model.common.files.atomic_write import write_atomic
 from ..common.errors import InputError
-from ..common.text import exact_text
 from ..picture.clip import Vector
+from ..picture.json_values import UNLESS_DEFAULT
+from .fits.fit import KINDS as FITTED
+from .fits.fit import Fit
 
 COVERAGE = 2.0
 """Factor from standard to expanded uncertainty; 95 % where errors are normal."""
@@ -29,22 +27,28 @@ KINDS: dict[str, tuple[int, int | None, str]] = {
     "height": (2, 2, "difference of two points along the up axis"),
     "angle": (3, 3, "at the second of three points"),
     "area": (3, None, "of a polygon, projected on the plane that fits its corners best"),
+    "plane": (1, 1, "slope of the flat surface at a point, fitted to all of it that is measured"),
+    "pipe": (1, 1, "diameter of the pipe, column or tank at a point, fitted to all of it that is measured"),
+    "circle": (1, 1, "diameter of the cross-section at a point, of what tapers or is bent"),
 }
 """Fewest and most points, and what is measured."""
-POWERS = {"distance": 1, "polyline": 1, "height": 1, "angle": 0, "area": 2}
+POWERS = {"distance": 1, "polyline": 1, "height": 1, "angle": 0, "area": 2, "plane": 0, "pipe": 1, "circle": 1}
 """Power of the length unit in the value."""
+_BEFORE = {"plane": "slope ", "pipe": "Ø ", "circle": "Ø "}  # what is written before a value
 
 
 @dataclass(frozen=True)
 class MeasuredPoint:
     """A point of a measurement.  position: file coordinates of a measured point, as in the file; the grid's
     (viewer.work.places.pick) until that has been read, and where it cannot be.  spacing, noise: of the points around it, file
-    units; noise is the standard deviation from the local plane.  scan: where it is from, for the list."""
+    units; noise is the standard deviation from the local plane.  scan: where it is from, for the list.
+    fit: the surface at the point, of a measurement of a fitted kind."""
 
     position: Vector
     spacing: float = 0.0
     noise: float = 0.0
     scan: str = ""
+    fit: Fit | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     @property
     def variance(self) -> float:
@@ -71,6 +75,15 @@ class Measurement:
         if len(self.points) < fewest or (most is not None and len(self.points) > most):
             raise InputError(f"measurement {self.name!r}: {len(self.points)} points; a measurement of {self.kind} has {fewest}"
                              f"{'' if most == fewest else ' or more'}")
+        wanted = self.kind if self.kind in FITTED else None
+        if any((None if point.fit is None else point.fit.kind) != wanted for point in self.points):
+            raise InputError(f"measurement {self.name!r}: a measurement of {self.kind} has points with "
+                             f"{'no fit' if wanted is None else f'a fit of a {wanted}'}")
+
+    @property
+    def fit(self) -> Fit | None:
+        """The fitted surface of a fitted kind."""
+        return self.points[0].fit
 
 
 @dataclass(frozen=True)
@@ -81,14 +94,16 @@ class Begun:
     points: tuple[MeasuredPoint, ...]
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError(f"a measurement not ended: kind {self.kind!r}: expected one of {', '.join(KINDS)}")
+        kinds = [kind for kind in KINDS if kind not in FITTED]
+        if self.kind not in kinds:
+            raise InputError(f"a measurement not ended: kind {self.kind!r}: expected one of {', '.join(kinds)}")
 
 
 @dataclass(frozen=True)
 class Result:
     """value, uncertainty: file units to the power of ``power``, or degrees where it is 0; the uncertainty is expanded (k = 2).
-    residual: of an area, the root mean square distance of its corners from the plane, file units; else 0."""
+    residual: of an area, the root mean square distance of its corners from the plane, of a fit the scatter of its points around
+    the surface, file units; else 0."""
 
     value: float
     uncertainty: float
@@ -98,6 +113,10 @@ class Result:
 
 def evaluate(measurement: Measurement) -> Result:
     """The value of a measurement and its uncertainty."""
+    if (fit := measurement.fit) is not None:
+        if fit.kind == "plane":
+            return Result(fit.tilt(measurement.up), fit.tilt_uncertainty, 0, fit.sigma)
+        return Result(2 * fit.radius, 2 * fit.radius_uncertainty, 1, fit.sigma)
     points = np.array([point.position for point in measurement.points], np.float64)
     variances = np.array([point.variance for point in measurement.points])
     middle = points.mean(axis=0)
@@ -229,41 +248,23 @@ def text_of(result: Result, unit: str) -> str:
     return f"{result.value:.{digits}f}{known}{gap}{unit_text(result.power, unit)}"
 
 
+def value_text(measurement: Measurement, unit: str) -> str:
+    """The value of a measurement as it is written beside it: ``Ø 0.1142 ± 0.0004 m``."""
+    return _BEFORE.get(measurement.kind, "") + text_of(evaluate(measurement), unit)
+
+
+def fit_text(measurement: Measurement, unit: str) -> str:
+    """Two lines about a fitted surface; "" of other kinds."""
+    if (fit := measurement.fit) is None:
+        return ""
+    scatter = f"scatter {fit.sigma:.2g} {unit} (1 sigma), {fit.count:,} points used"
+    if fit.kind == "plane":
+        return scatter
+    upright = f"{fit.tilt(measurement.up):.1f}° from upright, {fit.seen:.0f}° of its round seen"
+    return f"{f'length {fit.high - fit.low:.3f} {unit}, ' if fit.kind == 'pipe' else ''}{upright}\n{scatter}"
+
+
 def _decimals(result: Result) -> int:
     """Decimals such that the uncertainty has one digit or two."""
     scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
     return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))
-
-
-PARTS = ("horizontal", "vertical", "dx", "dy", "dz")
-COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan",
-           *PARTS)
-
-
-def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
-    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each, and of a
-    distance its parts."""
-    out = io.StringIO()
-    writer = csv.writer(out)
-    writer.writerow(COLUMNS)
-    unit = unit_name(metres_per_unit)
-    for measurement in measurements:
-        result = evaluate(measurement)
-        head = [measurement.name, measurement.kind, exact_text(result.value), exact_text(result.uncertainty),
-                "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", exact_text(result.residual)]
-        parts = components(measurement)
-        of_it = [""] * len(PARTS) if parts is None else [*map(exact_text, (parts.horizontal, parts.vertical, *parts.along))]
-        for number, point in enumerate(measurement.points, 1):
-            first, last = (head, of_it) if number == 1 else ([*head[:2], *[""] * 4], [""] * len(PARTS))
-            place = map(exact_text, point.position)
-            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan, *last])
-    return out.getvalue()
-
-
-def write_csv(path: Path, measurements: Iterable[Measurement], metres_per_unit: float | None) -> None:
-    """Writes :func:`csv_text`; an older file stays on failure.  Raises InputError naming the file."""
-    text = csv_text(measurements, metres_per_unit)
-    try:
-        write_atomic(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=path, remedy="save it elsewhere") from None

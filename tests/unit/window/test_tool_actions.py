@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from time import monotonic, sleep
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.file_dialog.chosen_path import examine
 from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
-from pointglass.viewer.window.interaction.measure import Measure
+from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
 from pointglass.viewer.window.session import exact_points
 from pointglass.viewer.window.session.work import DocumentState
@@ -61,6 +62,9 @@ class Context:
     def toast(self, text):
         self.toasts.append(text)
 
+    def wake(self):
+        pass
+
     def renew_picture(self):
         self.renewed += 1
 
@@ -103,6 +107,36 @@ def test_the_point_that_was_set_last_is_not_set_again(context):
     click(tool, context, (3.0, 5.0, 2.0))
     (made,) = context.document.measurements
     assert evaluate(made).value == pytest.approx(np.sqrt(5), abs=0.01)
+
+
+def fitted(tool, context) -> None:
+    """Turns the window's loop until no surface is being fitted."""
+    end = monotonic() + 60
+    while tool._fitting.point is not None and monotonic() < end:
+        tool.follow(context)
+        sleep(0.01)
+
+
+def test_a_click_fits_a_plane_beside_the_frame_and_one_step_takes_it_back(wall):
+    context, tool = Context(wall), Measure()
+    tool.kind = "plane"
+    click(tool, context, (1.0, 5.0, 1.0))
+    assert context.document.measurements == () and "Esc gives up" in tool.hint(context)
+    fitted(tool, context)
+    (made,) = context.document.measurements
+    assert made.kind == "plane" and made.name == "Plane" and made.fit is not None
+    assert evaluate(made).value == pytest.approx(90.0, abs=0.01) and abs(made.fit.place[1] - 5.0) < 1e-4
+    assert context.session.work.undo() == "Measure plane" and context.document.measurements == ()
+
+
+def test_a_fit_is_given_up_by_esc_and_a_flat_wall_is_no_pipe(wall):
+    context, tool = Context(wall), Measure()
+    tool.kind = "pipe"
+    click(tool, context, (1.0, 5.0, 1.0))
+    assert tool.key_event(KeyEvent("ESCAPE", "press"), context) and not tool.key_event(KeyEvent("ESCAPE", "press"), context)
+    click(tool, context, (1.0, 5.0, 1.0))
+    fitted(tool, context)
+    assert context.document.measurements == () and context.toasts[-1].startswith("No pipe here")
 
 
 def test_an_area_ends_with_enter_and_points_are_taken_back(context):

@@ -2,25 +2,29 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from documents import random_fit
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.work.measure import (
-    COLUMNS,
+    FITTED,
     KINDS,
+    Begun,
     MeasuredPoint,
     Measurement,
     components,
     components_text,
-    csv_text,
     evaluate,
+    fit_text,
     text_of,
     unit_name,
-    write_csv,
+    value_text,
 )
+from pointglass.viewer.work.measure_table import COLUMNS, OF_FIT, csv_text, write_csv
 
 
 def measurement(kind: str, points, variance: float = 0.0, up=(0.0, 0.0, 1.0)) -> Measurement:
@@ -85,7 +89,7 @@ def test_uncertainty_is_what_repeated_measuring_shows(seed):
     shapes = {"distance": random.normal(size=(2, 3)) * 3, "polyline": np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [1, 2, 1]]),
               "height": np.array([[0.0, 0, 0], [1, 2, 3]]), "angle": np.array([[2.0, 0, 0], [0, 0, 0], [1, 2, 0.5]]),
               "area": random_polygon(random, 6)}  # fmt: skip
-    assert set(shapes) == set(KINDS)
+    assert {*shapes, *FITTED} == set(KINDS), "what is fitted: test_fits.py"
     for kind, points in shapes.items():
         sigma = 0.01
         stated = evaluate(measurement(kind, points, sigma**2)).uncertainty / 2
@@ -117,6 +121,29 @@ def test_text_shows_as_many_digits_as_are_known():
     assert text_of(evaluate(measurement("distance", [[0, 0, 0], [3.99812, 0, 0]])), "m") == "3.998 m"
 
 
+def test_a_fitted_surface_is_written_with_its_sign_and_what_is_known_of_it(seed):
+    pipe = replace(random_fit(np.random.default_rng(seed), "pipe"), direction=(0.0, 0.0, 1.0), radius=0.0571, low=-0.5,
+                   high=0.75, seen=120.0, sigma=0.0013, count=8120, radius_uncertainty=0.0002)
+    item = Measurement("pipe", (MeasuredPoint((0.0, 0.0, 0.0), fit=pipe),))
+    assert value_text(item, "m") == "Ø 0.1142 ± 0.0004 m"
+    assert fit_text(item, "m").split("\n") == ["length 1.250 m, 0.0° from upright, 120° of its round seen",
+                                               "scatter 0.0013 m (1 sigma), 8,120 points used"]
+    level = Measurement("plane", (MeasuredPoint((0.0, 0.0, 0.0), fit=replace(pipe, kind="plane", tilt_uncertainty=0.03)),))
+    assert value_text(level, "m") == "slope 0.00 ± 0.03°"
+    assert fit_text(measurement("distance", [[0, 0, 0], [1, 0, 0]]), "m") == ""
+
+
+def test_a_fit_belongs_to_measurements_of_its_kind_only(seed):
+    pipe = random_fit(np.random.default_rng(seed), "pipe")
+    for kind, fit in (("plane", pipe), ("pipe", None)):
+        with pytest.raises(InputError, match=f"a fit of a {kind}"):
+            Measurement(kind, (MeasuredPoint((0.0, 0.0, 0.0), fit=fit),))
+    with pytest.raises(InputError, match="no fit"):
+        Measurement("distance", (MeasuredPoint((0.0, 0.0, 0.0), fit=pipe), MeasuredPoint((1.0, 0.0, 0.0))))
+    with pytest.raises(InputError, match="not ended"):
+        Begun("pipe", (MeasuredPoint((0.0, 0.0, 0.0)),))
+
+
 def test_units():
     names = {1.0: "m", 0.3048: "ft", 1200 / 3937: "ftUS", 0.001: "mm", None: "units"}
     assert {size: unit_name(size) for size in names} == names
@@ -124,7 +151,9 @@ def test_units():
 
 def test_csv_holds_every_number_exactly(tmp_path, seed):
     random = np.random.default_rng(seed)
-    made = [measurement(kind, random.uniform(-1e6, 1e6, (fewest, 3)), 1e-4) for kind, (fewest, _, _) in KINDS.items()]
+    made = [measurement(kind, random.uniform(-1e6, 1e6, (fewest, 3)), 1e-4)
+            for kind, (fewest, _, _) in KINDS.items() if kind not in FITTED]
+    made += [Measurement(kind, (MeasuredPoint((1.0, 2.0, 3.0), fit=random_fit(random, kind)),), kind) for kind in FITTED]
     made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
     write_csv(tmp_path / "m.csv", made, 0.3048)
     text = (tmp_path / "m.csv").read_bytes().decode()
@@ -133,7 +162,7 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
     assert tuple(rows[0]) == COLUMNS
     at = 0
     for item in made:
-        result, unit = evaluate(item), {"angle": "deg", "area": "ft^2"}.get(item.kind, "ft")
+        result, unit = evaluate(item), {"angle": "deg", "plane": "deg", "area": "ft^2"}.get(item.kind, "ft")
         assert float(rows[at]["value"]) == result.value and rows[at]["unit"] == unit
         assert float(rows[at]["uncertainty_k2"]) == result.uncertainty
         for number, point in enumerate(item.points, 1):
@@ -143,5 +172,9 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
             parts = components(item) if number == 1 else None
             told = [row[name] for name in ("dx", "dy", "dz", "horizontal", "vertical")]
             assert told == ([""] * 5 if parts is None else [repr(v) for v in (*parts.along, parts.horizontal, parts.vertical)])
+            fit = item.fit
+            told = [row[name] for name in OF_FIT]
+            assert told == ([""] * 9 if fit is None else [*map(repr, (*fit.place, *fit.direction)),
+                            *(["", ""] if fit.kind == "plane" else [repr(fit.high - fit.low), repr(fit.seen)]), str(fit.count)])
             at += 1
     assert at == len(rows)

@@ -11,7 +11,7 @@ from ...common.errors import PointglassError
 from ...picture.clip import contains
 from ...work.measure import MeasuredPoint, unit_name
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
-from ...work.places.pick import Picked, pick, surface_around
+from ...work.places.pick import Kept, Picked, pick, surface_around
 from ..flight.navigation import view_along
 from ..kit.worker import Worker
 
@@ -84,6 +84,17 @@ def metres_per_unit(context: "ToolContext") -> float | None:
     return context.session.work.facts(context.scene.meta).metres_per_unit if context.scene is not None else None
 
 
+def drawn_points(context: "ToolContext") -> "Kept | None":
+    """Which points of the scan shown are drawn: left by clips, of no hidden station; None: all."""
+    scene, clips = context.scene, context.document.clips
+    hidden = np.zeros(256, bool)
+    if scene is not None:
+        hidden[list(scene.hidden_stations(context.document))] = True
+    if not clips and not hidden.any():
+        return None
+    return lambda xyz, scans: contains(clips, xyz) & ~hidden[scans]
+
+
 class Pointing:
     """Finds measured points under the pointer, in the depth and the mask of the last picture.  Whether that is at rest, so that
     it tells what a click means, WaitingClicks knows."""
@@ -107,16 +118,9 @@ class Pointing:
         height, width = depth.shape
         camera = context.camera
         scale = height / camera.height
-        document = context.session.work.document
-        hidden = np.zeros(256, bool)
-        hidden[list(scene.hidden_stations(context.document))] = True
-
-        def kept(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
-            return contains(document.clips, xyz) & ~hidden[scans]
-
         sized = camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
         found = pick(scene, sized, mask, depth, (position[0] * scale, position[1] * scale),
-                     radius=context.pixels(radius) * scale, kept=kept if document.clips or hidden.any() else None)
+                     radius=context.pixels(radius) * scale, kept=drawn_points(context))
         self._last = (frame, radius, position), found
         return found
 

@@ -8,7 +8,8 @@ from .colours import AttributeLegend, Colours
 from .film.film_tool import Film
 from .fly import Fly
 from .inspect_point import InspectPoint, UnderPointer
-from .measure import Measure, Measurements
+from .measuring.drawing import Measurements
+from .measuring.measure import Measure
 from .scene_settings import SceneSettings
 from .section.section_tool import SectionTool
 from .stations.stations_tool import Stations

@@ -1,4 +1,4 @@
-"""Measure: distance, polyline, height difference, angle and area between measured points.
+"""Measure: distance, polyline, height difference, angle and area between measured points; the plane, pipe or circle at one.
 
 Points snap to measured points only.  A stored measurement is drawn by the overlay whichever tool is selected; all of it is
 in the document, so it is undone, saved and exported with it.
@@ -10,12 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ...common.errors import PointglassError
-from ...common.text import counted
-from ...work.document import replaced, unique_name, without
-from ...work.measure import (
+from ....common.errors import PointglassError
+from ....common.text import counted
+from ....work.document import replaced, unique_name, without
+from ....work.measure import (
+    FITTED,
     KINDS,
     Begun,
     MeasuredPoint,
@@ -23,64 +22,26 @@ from ...work.measure import (
     components,
     components_text,
     evaluate,
-    fitted_plane,
+    fit_text,
     text_of,
-    write_csv,
+    value_text,
 )
-from ...work.places.pick import Picked
-from ..saving.capture import name_kept
-from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
-from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from ....work.measure_table import write_csv
+from ....work.places.pick import Picked
+from ...saving.capture import name_kept
+from ..editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
+from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
+from .drawing import draw_measurement
+from .fitting import Fitting
 
 if TYPE_CHECKING:
-    from ...work.document import Document
-    from ...work.history import History
-    from ..kit.overlay import OverlayCanvas
+    from ....work.document import Document
+    from ....work.history import History
+    from ...kit.overlay import OverlayCanvas
 
-NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area"}
-
-
-def label_place(measurement: Measurement) -> np.ndarray:
-    """(3,) file coordinates: where the value is written."""
-    points = np.array([point.position for point in measurement.points])
-    if measurement.kind == "angle":
-        return points[1]
-    if measurement.kind == "polyline":
-        return points[-1]
-    return points.mean(axis=0)
-
-
-def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: str, colour: str) -> None:
-    """Lines, points and the value of a measurement, over the picture."""
-    points = np.array([point.position for point in measurement.points])
-    if measurement.kind == "height":
-        up = np.array(measurement.up)
-        corner = points[0] + up * ((points[1] - points[0]) @ up)  # above or below the first, as high as the second
-        overlay.polyline([points[0], corner], colour)
-        overlay.polyline([corner, points[1]], colour, 1.0)
-        overlay.label((points[0] + corner) / 2, text)
-    else:
-        closed = measurement.kind == "area"
-        if closed:
-            middle, normal, _ = fitted_plane(points)
-            flat = points - np.outer((points - middle) @ normal, normal)
-            for a, b in zip(flat, np.roll(flat, -1, axis=0)):  # a fan: polygons need not be convex
-                overlay.polygon([flat.mean(axis=0), a, b], colour, 0.22)
-        overlay.polyline(points, colour, closed=closed)
-        overlay.label(label_place(measurement), text)
-    for point in points:
-        overlay.marker(point, colour, 4.0)
-
-
-class Measurements(Overlay):
-    """All measurements of the document."""
-
-    name = "measurements"
-
-    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        unit = unit_of(context)
-        for measurement in context.document.measurements:
-            draw_measurement(overlay, measurement, text_of(evaluate(measurement), unit), "accent")
+NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area",
+         "plane": "Plane", "pipe": "Pipe", "circle": "Circle"}
+_CLICK = {"plane": "Click a flat surface", "pipe": "Click a pipe, a column or a tank", "circle": "Click what is round"}
 
 
 class Measure(Tool):
@@ -89,7 +50,7 @@ class Measure(Tool):
     What is not ended stays while another tool is selected, and goes on when this one is again."""
 
     name, label, letter, key = "measure", "Measure", "M", "T"
-    help = "measure between points: distance, polyline, height, angle, area"
+    help = "measure between points, or the plane, pipe or circle at a point"
     cursor = "crosshair"
     takes_clicks = picks = True
 
@@ -97,6 +58,7 @@ class Measure(Tool):
         self._pointing = Pointing()
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
+        self._fitting = Fitting()
         self._history: History[Document] | None = None  # of the work that the points belong to
         self._export: ExitStack | None = None  # waits for points; it keeps the name of its file
 
@@ -121,6 +83,9 @@ class Measure(Tool):
             return False
         if taken.note is not None:
             context.toast(taken.note)
+        if self.kind in FITTED:
+            self._fitting.start(context, self.kind, measured_point(context, taken))
+            return False
         self.points.append(measured_point(context, taken))
         if len(self.points) == KINDS[self.kind][1]:
             self._finish(context)
@@ -140,6 +105,7 @@ class Measure(Tool):
             return replace(document, measurements=made) if made != document.measurements else document
 
         self.points = at_place(self.points)
+        self._fitting.moved(at_place)
         context.session.work.history.revise(corrected)
 
     def follow(self, context: ToolContext) -> None:
@@ -156,8 +122,17 @@ class Measure(Tool):
         begun = Begun(self.kind, tuple(self.points)) if self.points else None
         if begun != work.begun:
             work.begun = begun
+        self._take_fitted(context)
+
+    def _take_fitted(self, context: ToolContext) -> None:
+        """The surface of a click has been found."""
+        if (found := self._fitting.taken(context)) is not None and found.fit is not None:
+            self._add(found.fit.kind, (found,), context)
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.key == "ESCAPE" and event.kind == "press" and self._fitting.point is not None:
+            self._fitting.stop()
+            return True
         if event.kind == "release" or not self.points:
             return False
         if event.key in ("ENTER", "KP_ENTER"):
@@ -190,15 +165,21 @@ class Measure(Tool):
             if most is None and self.points:
                 context.toast(f"{NAMES[self.kind]}: {fewest} points at least")
             return
-        document = context.document
-        name = unique_name(NAMES[self.kind], (item.name for item in document.measurements))
-        made = Measurement(self.kind, tuple(self.points), name, document.up)
+        points = tuple(self.points)
         self.points.clear()
+        self._add(self.kind, points, context)
+
+    def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext) -> None:
+        document = context.document
+        name = unique_name(NAMES[kind], (item.name for item in document.measurements))
+        made = Measurement(kind, points, name, document.up)
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
 
     def hint(self, context: ToolContext) -> str:
         fewest, most, _ = KINDS[self.kind]
         placed = len(self.points)
+        if self.kind in FITTED:
+            return "Fitting…  ·  Esc gives up" if self._fitting.point is not None else _CLICK[self.kind]
         if not placed:
             return "" if context.document.measurements else "Click the first point"
         if self.kind == "angle":
@@ -213,6 +194,9 @@ class Measure(Tool):
         points = list(self.points)
         if hovered is not None:
             overlay.marker(hovered.position, "warn", 5.0, "ring")
+        if (fitted := self._fitting.point) is not None:
+            overlay.marker(fitted.position, "warn", 4.0)
+        if hovered is not None:
             points.append(MeasuredPoint(hovered.position))
         if not self.points:
             return
@@ -264,12 +248,13 @@ class Measure(Tool):
             gone = ui.small_button("x")
             if ui.is_item_hovered():
                 ui.set_tooltip("Delete this measurement")
-            result = evaluate(item)
-            ui.text_wrapped(text_of(result, unit_of(context)))
+            ui.text_wrapped(value_text(item, unit_of(context)))
+            if item.fit is not None:
+                ui.text_wrapped(fit_text(item, unit_of(context)))
             if (parts := components(item)) is not None:
                 ui.text_wrapped(components_text(parts, unit_of(context)))
             if item.kind == "area":
-                ui.text_wrapped(f"corners lie {result.residual:.4f} {unit_of(context)} (RMS) off their plane")
+                ui.text_wrapped(f"corners lie {evaluate(item).residual:.4f} {unit_of(context)} (RMS) off their plane")
             ui.pop_id()
             if gone:
                 edit(context, f"Delete {item.name}", measurements=without(found, number))

@@ -1,0 +1,1 @@
+"""Planes, pipes and circles fitted to the measured points around a click."""

@@ -1,0 +1,87 @@
+"""The measured points that a fit looks at: those of a scene in an oriented box, no more than are needed.
+
+A fit gains little beyond some tens of thousands of points.  Where a box holds more, only the coarser density layers are read,
+which are an even choice of all points (viewer.grid.density_layers), and of these every so many.
+Frame: relative to the place that was clicked, in file units, axes of the file, float64.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ..places.pick import Kept
+
+MOST = 15_000
+"""Points of a box that are looked at, about; chosen by hand.  The spread of a diameter falls with the root of their number only
+where noise has no structure, which real surfaces have."""
+LOOKED = 4_000_000
+"""Points of the cells that meet a box, up to which all density layers are read; chosen by hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """xyz: (n, 3) float64 relative to the click.  index: (n,) int64, numbers in the scene; None where there is no scene.
+    share: of all points in the box, how many were looked at, in 0..1."""
+
+    xyz: np.ndarray
+    index: np.ndarray | None
+    share: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    def where(self, chosen: np.ndarray) -> "Points":
+        """Those that a mask or numbers choose."""
+        return Points(self.xyz[chosen], None if self.index is None else self.index[chosen], self.share)
+
+
+InBox = Callable[[np.ndarray, np.ndarray, np.ndarray], Points]
+"""Centre (3,) relative to the click, axes (3, 3) rows, half lengths (3,) -> the points in this box."""
+
+
+def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most: int = MOST) -> InBox:
+    """Boxes of a scene around ``place``, (3,) file coordinates.  kept: which points are drawn; None: all."""
+    from ...grid.scene import packed, scan_numbers
+    from ..places import pick_kernels
+    from . import region_kernels  # numba: only once something is fitted
+
+    coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
+    size, at = scene.cell_size, np.asarray(place, np.float64) - scene.origin
+
+    def in_box(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
+        reach = np.abs(axes).T @ half
+        low, high = (np.floor((at + centre + sign * reach) / size).astype(np.int64) for sign in (-1, 1))
+        rows = pick_kernels.cells_in_box(coords, low, high)
+        counts = np.cumsum(region_kernels.points_by_layer(offsets, scene.layers, len(coords), rows))
+        layers = max(int((counts <= LOOKED).sum()), 1)
+        index, xyz = region_kernels.points_in_box(points, coords, offsets, layers, rows, size, at + centre,
+                                                  np.ascontiguousarray(axes), np.asarray(half, np.float64))
+        looked = counts[layers - 1] / max(counts[-1], 1)
+        if len(index) > most:
+            step = len(index) / most
+            chosen = (np.arange(most) * step).astype(np.int64)
+            index, xyz, looked = index[chosen], xyz[chosen], looked / step
+        xyz = xyz + centre
+        if kept is not None and len(index):
+            left = kept(xyz + place, scan_numbers(packed(scene, index)))
+            index, xyz = index[left], xyz[left]
+        return Points(xyz, index, float(looked))
+
+    return in_box
+
+
+def in_cloud(xyz: np.ndarray, place: np.ndarray, most: int = MOST) -> InBox:
+    """Boxes of (n, 3) points, plainly: the reference of :func:`in_scene`, and what fits of arrays use."""
+    xyz = np.asarray(xyz, np.float64) - place
+
+    def in_box(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
+        index = np.flatnonzero((np.abs((xyz - centre) @ axes.T) <= half).all(axis=1))
+        step = max(len(index) / most, 1.0)
+        index = index[(np.arange(int(len(index) / step)) * step).astype(np.int64)]
+        return Points(xyz[index], index, 1.0 / step)
+
+    return in_box
