@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .measured import InBox
 
 KINDS = ("plane", "pipe", "circle")
+_LARGEST = 1e100  # of a number in a file; its square is finite
 _ROUNDING = 1 / np.sqrt(12.0)  # standard deviation of a place that is rounded to steps of 1
 
 
@@ -50,8 +51,9 @@ class Fit:
             raise InputError(f"a fit of kind {self.kind!r}: expected one of {', '.join(KINDS)}")
         values = (*self.place, *self.direction, self.radius, self.low, self.high, self.seen, self.sigma,
                   self.radius_uncertainty, self.tilt_uncertainty)  # fmt: skip
-        if not np.isfinite(values).all() or min(self.radius, self.sigma, self.radius_uncertainty, self.tilt_uncertainty) < 0:
-            raise InputError(f"a fit of kind {self.kind!r} has a value that is no finite number, or below 0")
+        sizes = (self.radius, self.sigma, self.radius_uncertainty, self.tilt_uncertainty)
+        if not (np.abs(values) < _LARGEST).all() or min(sizes) < 0:
+            raise InputError(f"a fit of kind {self.kind!r} has a value that is no finite number, too large, or below 0")
         if abs(float(np.linalg.norm(self.direction)) - 1.0) > 1e-6:
             raise InputError(f"a fit of kind {self.kind!r}: direction {self.direction!r}: expected a vector of length 1")
 
