@@ -34,7 +34,7 @@ def random_document(random, scans: list[str]) -> Document:
 
     def points(kind: str) -> tuple[MeasuredPoint, ...]:
         fit = random_fit(random, kind) if kind in FITTED else None
-        return tuple(replace(point(), fit=fit) for _ in range(KINDS[kind][0]))
+        return tuple(replace(point(), fit=fit) for _ in range(KINDS[kind].fewest))
 
     kinds = list(KINDS)
     measurements = [Measurement(kind, points(kind), f"M {i}")

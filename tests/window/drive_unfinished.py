@@ -189,6 +189,28 @@ def check_escape_closes_what_lies_above_points_that_are_set(p: Person, folder: P
     assert p.d.app.toolbox.active is p.d.app.toolbox.fly
 
 
+def check_a_click_fits_a_plane_of_the_kind_chosen_in_the_list(p: Person, folder: Path) -> None:
+    session, tool = p.d.session, tool_of(p, "measure")
+    p.d.drop(Path("room5"))
+    p.opened("room5")
+    p.key("t")
+    p.click("##kind")
+    p.click("Plane")
+    p.d.until(lambda: tool.kind == "plane")
+    left, top, width, height = (*session.area.origin, *session.area.size)
+    xdo("mousemove", round(left + width * 0.5), round(top + height * 0.5))
+    p.d.rest()
+    before = len(session.document.measurements)
+    xdo("click", 1)
+    p.d.until(lambda: len(session.document.measurements) > before)
+    made = session.document.measurements[-1]
+    assert made.kind == "plane" and made.fit is not None and made.fit.count >= 30
+    p.key("ctrl+z")
+    assert len(session.document.measurements) == before
+    tool.kind = "distance"
+    p.key("Escape")
+
+
 def check_a_scan_that_is_left_out_while_it_is_away_is_shown_when_it_is_back(p: Person, folder: Path) -> None:
     there, gone = (write_ply(folder / "scans" / f"{name}.ply", away) for name, away in (("there", 0.0), ("gone", 6.0)))
     project, away = folder / "scans" / "pair.pointglass", folder / "away.ply"

@@ -21,20 +21,35 @@ from .fits.fit import Fit
 
 COVERAGE = 2.0
 """Factor from standard to expanded uncertainty; 95 % where errors are normal."""
-KINDS: dict[str, tuple[int, int | None, str]] = {
-    "distance": (2, 2, "straight line between two points"),
-    "polyline": (2, None, "length along several points"),
-    "height": (2, 2, "difference of two points along the up axis"),
-    "angle": (3, 3, "at the second of three points"),
-    "area": (3, None, "of a polygon, projected on the plane that fits its corners best"),
-    "plane": (1, 1, "slope of the flat surface at a point, fitted to all of it that is measured"),
-    "pipe": (1, 1, "diameter of the pipe, column or tank at a point, fitted to all of it that is measured"),
-    "circle": (1, 1, "diameter of the cross-section at a point, of what tapers or is bent"),
-}
-"""Fewest and most points, and what is measured."""
-POWERS = {"distance": 1, "polyline": 1, "height": 1, "angle": 0, "area": 2, "plane": 0, "pipe": 1, "circle": 1}
-"""Power of the length unit in the value."""
-_BEFORE = {"plane": "slope ", "pipe": "Ø ", "circle": "Ø "}  # what is written before a value
+@dataclass(frozen=True)
+class Kind:
+    """What can be measured.  name: as a person reads it.  fewest, most: points, None for any number.  power: of the length unit
+    in the value, 0: degrees.  what: is measured, in a few words.  click: what the first click is to hit.  before: is written
+    before a value."""
+
+    name: str
+    fewest: int
+    most: int | None
+    power: int
+    what: str
+    click: str = "the first point"
+    before: str = ""
+
+
+KINDS = {
+    "distance": Kind("Distance", 2, 2, 1, "straight line between two points"),
+    "polyline": Kind("Polyline", 2, None, 1, "length along several points"),
+    "height": Kind("Height", 2, 2, 1, "difference of two points along the up axis"),
+    "angle": Kind("Angle", 3, 3, 0, "at the second of three points"),
+    "area": Kind("Area", 3, None, 2, "of a polygon, projected on the plane that fits its corners best"),
+    "plane": Kind("Plane", 1, 1, 0, "slope of the flat surface at a point, fitted to all of it that is measured",
+                  "a flat surface", "slope "),
+    "pipe": Kind("Pipe", 1, 1, 1, "diameter of the pipe, column or tank at a point, fitted to all of it that is measured",
+                 "a pipe, a column or a tank", "Ø "),
+    "circle": Kind("Circle", 1, 1, 1, "diameter of the cross-section at a point, of what tapers or is bent",
+                   "what is round", "Ø "),
+}  # fmt: skip
+"""Each kind in one row; those of viewer.work.fits.fit.KINDS are fitted."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +86,7 @@ class Measurement:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"measurement {self.name!r}: kind {self.kind!r}: expected one of {', '.join(KINDS)}")
-        fewest, most, _ = KINDS[self.kind]
+        fewest, most = KINDS[self.kind].fewest, KINDS[self.kind].most
         if len(self.points) < fewest or (most is not None and len(self.points) > most):
             raise InputError(f"measurement {self.name!r}: {len(self.points)} points; a measurement of {self.kind} has {fewest}"
                              f"{'' if most == fewest else ' or more'}")
@@ -132,7 +147,7 @@ def evaluate(measurement: Measurement) -> Result:
     else:
         value, slopes = _length(points)
     spread = COVERAGE * float(np.sqrt((np.sum(slopes**2, axis=1) * variances).sum()))
-    return Result(value, spread, POWERS[measurement.kind], residual)
+    return Result(value, spread, KINDS[measurement.kind].power, residual)
 
 
 @dataclass(frozen=True)
@@ -250,7 +265,7 @@ def text_of(result: Result, unit: str) -> str:
 
 def value_text(measurement: Measurement, unit: str) -> str:
     """The value of a measurement as it is written beside it: ``Ø 0.1142 ± 0.0004 m``."""
-    return _BEFORE.get(measurement.kind, "") + text_of(evaluate(measurement), unit)
+    return KINDS[measurement.kind].before + text_of(evaluate(measurement), unit)
 
 
 def fit_text(measurement: Measurement, unit: str) -> str:

@@ -136,7 +136,7 @@ def test_a_fit_is_given_up_by_esc_and_a_flat_wall_is_no_pipe(wall):
     assert tool.key_event(KeyEvent("ESCAPE", "press"), context) and not tool.key_event(KeyEvent("ESCAPE", "press"), context)
     click(tool, context, (1.0, 5.0, 1.0))
     fitted(tool, context)
-    assert context.document.measurements == () and context.toasts[-1].startswith("No pipe here")
+    assert context.document.measurements == () and context.toasts[-1].startswith("Nothing round here")
 
 
 def test_an_area_ends_with_enter_and_points_are_taken_back(context):

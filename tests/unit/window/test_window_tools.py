@@ -95,7 +95,7 @@ def test_every_tool_has_a_name_of_its_own_and_fly_is_first():
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in FITTED])
 def test_measuring_says_at_the_pointer_what_a_click_does_and_when_enter_ends(kind):
     tool, context = Measure(), SimpleNamespace(document=SimpleNamespace(measurements=()))
-    tool.kind, (fewest, most, _) = kind, KINDS[kind]
+    tool.kind, fewest, most = kind, KINDS[kind].fewest, KINDS[kind].most
     assert tool.hint(context) == "Click the first point"
     for placed in range(1, most or 5):
         tool.points.append(MeasuredPoint((float(placed), 0.0, 0.0)))

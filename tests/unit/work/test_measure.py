@@ -151,8 +151,8 @@ def test_units():
 
 def test_csv_holds_every_number_exactly(tmp_path, seed):
     random = np.random.default_rng(seed)
-    made = [measurement(kind, random.uniform(-1e6, 1e6, (fewest, 3)), 1e-4)
-            for kind, (fewest, _, _) in KINDS.items() if kind not in FITTED]
+    made = [measurement(name, random.uniform(-1e6, 1e6, (kind.fewest, 3)), 1e-4)
+            for name, kind in KINDS.items() if name not in FITTED]
     made += [Measurement(kind, (MeasuredPoint((1.0, 2.0, 3.0), fit=random_fit(random, kind)),), kind) for kind in FITTED]
     made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
     write_csv(tmp_path / "m.csv", made, 0.3048)

@@ -82,7 +82,9 @@ def fit_at(scene: "Scene", position: Vector, kind: str, kept: "Kept | None" = No
 def fit_of(in_box: "InBox", place: np.ndarray, kind: str, spacing: float, rounding: float) -> Fit:
     """As fit_at, of points that ``in_box`` gives relative to ``place``.  spacing: of points there, about."""
     from .grow import circle_of, grown_cylinder, grown_plane
+    from .measured import distinct
 
+    in_box = distinct(in_box)
     if kind == "plane":
         return _value(kind, grown_plane(in_box, spacing, rounding), place)
     if kind == "circle":

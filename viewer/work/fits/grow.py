@@ -74,7 +74,7 @@ def grown_plane(in_box: InBox, spacing: float, floor: float) -> Grown:
     try:
         first, _ = nearest(Plane(middle, normal), near, around.noise)
         return _grow(in_box, first, around, 8.0 * around.spacing)
-    except ValueError as error:
+    except (ValueError, NoFit) as error:
         raise NoFit(f"no plane here: {error}") from None
 
 
@@ -88,17 +88,17 @@ def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float |
         try:
             made = _grow(in_box, start.cylinder, around, half, longest)
         except (ValueError, NoFit):
-            continue
+            continue  # this start leads nowhere; where all do, the message below says so
         worth = len(made.points) / made.points.share * (around.noise / made.fit.sigma) ** 3 / made.fit.structure
         if best is None or worth > best[0]:
             best = worth, made
     if best is None:
-        raise NoFit("no pipe here: the surface is flat, or too few points show its bend")
+        raise NoFit("nothing round here: the surface is flat, or too few points show its bend")
     found = _corrected(best[1])
     surface = found.fit.surface
     assert isinstance(surface, Cylinder)
     if found.fit.expanded("radius") > UNSURE * surface.radius:
-        raise NoFit("no pipe here: the surface bends too little, beside its noise, to tell a diameter")
+        raise NoFit("nothing round here: the surface bends too little, beside its noise, to tell a diameter")
     return found
 
 
@@ -174,8 +174,8 @@ def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest
         sigma = float(np.clip(scatter, 0.5 * around.noise, most))
         if abs(surface.distances(np.zeros((1, 3)))[0]) > 2 * WITHIN * around.noise:
             raise NoFit("the surface found leads away from the click")
-        wider = any(piece.open_ends) and not (longest is not None and half > longest * getattr(surface, "radius", np.inf))
-        if wider:
+        limit = longest * surface.radius if longest is not None and isinstance(surface, Cylinder) else np.inf
+        if any(piece.open_ends) and half <= limit:
             half *= 2.0
         elif abs(piece.area - before) <= SETTLED * piece.area:
             break

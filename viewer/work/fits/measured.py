@@ -43,11 +43,22 @@ InBox = Callable[[np.ndarray, np.ndarray, np.ndarray], Points]
 """Centre (3,) relative to the click, axes (3, 3) rows, half lengths (3,) -> the points in this box."""
 
 
+def distinct(in_box: InBox) -> InBox:
+    """Boxes in which points at the same place count once: a scan that is in a file twice says nothing new."""
+    odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+
+    def once(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
+        points = in_box(centre, axes, half)
+        keys = (np.ascontiguousarray(points.xyz).view(np.uint64) * odd).sum(axis=1)  # one number a place; it wraps around
+        return points.where(np.sort(np.unique(keys, return_index=True)[1]))
+
+    return once
+
+
 def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most: int = MOST) -> InBox:
     """Boxes of a scene around ``place``, (3,) file coordinates.  kept: which points are drawn; None: all."""
     from ...grid.scene import packed, scan_numbers
-    from ..places import pick_kernels
-    from . import region_kernels  # numba: only once something is fitted
+    from ..places import pick_kernels  # numba: only once something is picked or fitted
 
     coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     size, at = scene.cell_size, np.asarray(place, np.float64) - scene.origin
@@ -56,9 +67,9 @@ def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most
         reach = np.abs(axes).T @ half
         low, high = (np.floor((at + centre + sign * reach) / size).astype(np.int64) for sign in (-1, 1))
         rows = pick_kernels.cells_in_box(coords, low, high)
-        counts = np.cumsum(region_kernels.points_by_layer(offsets, scene.layers, len(coords), rows))
+        counts = np.cumsum(pick_kernels.points_by_layer(offsets, scene.layers, len(coords), rows))
         layers = max(int((counts <= LOOKED).sum()), 1)
-        index, xyz = region_kernels.points_in_box(points, coords, offsets, layers, rows, size, at + centre,
+        index, xyz = pick_kernels.points_in_box(points, coords, offsets, layers, rows, size, at + centre,
                                                   np.ascontiguousarray(axes), np.asarray(half, np.float64))
         looked = counts[layers - 1] / max(counts[-1], 1)
         if len(index) > most:

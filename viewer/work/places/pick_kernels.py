@@ -1,4 +1,4 @@
-"""The compiled loops of picking: which points of a scene lie in a pixel's frustum, or in a ball.
+"""The compiled loops of picking and fitting: which points of a scene lie in a pixel's frustum, a ball, or an oriented box.
 
 Frames: cells and balls in file coordinates relative to ``Scene.origin``, float64, so that nothing is lost at map coordinates.
 """
@@ -30,6 +30,12 @@ def inside(coords, row, low, high):
     )
 
 
+@compiled(inline="always")
+def place_in_cell(points, i, step):
+    """Place of a packed point relative to its cell's corner.  step: of the grid (Scene.step)."""
+    return ((points[i, 0] & 0xFFFF) + 0.5) * step, ((points[i, 0] >> 16) + 0.5) * step, ((points[i, 1] & 0xFFFF) + 0.5) * step
+
+
 @compiled(nogil=True)
 def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation, lens, pixel, near, far):
     """Points of the cells ``rows`` that project into a pixel: their running numbers, view depths and pixel positions.
@@ -46,9 +52,8 @@ def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation
         z0 = coords[row, 2] * size + shift[2]
         for layer in range(layers):
             for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
-                x = x0 + ((points[i, 0] & 0xFFFF) + 0.5) * step
-                y = y0 + ((points[i, 0] >> 16) + 0.5) * step
-                z = z0 + ((points[i, 1] & 0xFFFF) + 0.5) * step
+                x, y, z = place_in_cell(points, i, step)
+                x, y, z = x0 + x, y0 + y, z0 + z
                 depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
                 if not near <= depth <= far:
                     continue
@@ -76,9 +81,8 @@ def neighbourhood(points, coords, offsets, layers, rows, size, place, radius):
         z0 = coords[row, 2] * size - place[2]
         for layer in range(layers):
             for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
-                x = x0 + ((points[i, 0] & 0xFFFF) + 0.5) * step
-                y = y0 + ((points[i, 0] >> 16) + 0.5) * step
-                z = z0 + ((points[i, 1] & 0xFFFF) + 0.5) * step
+                x, y, z = place_in_cell(points, i, step)
+                x, y, z = x0 + x, y0 + y, z0 + z
                 if x * x + y * y + z * z > radius * radius:
                     continue
                 sums[0] += 1
@@ -92,3 +96,46 @@ def neighbourhood(points, coords, offsets, layers, rows, size, place, radius):
                 sums[8] += y * z
                 sums[9] += z * z
     return sums
+
+
+@compiled(nogil=True)
+def points_by_layer(offsets, layers, cells, rows):
+    """(layers,) int64: the points of the cells ``rows`` in each layer: no fewer than those in a box that meets these cells."""
+    found = np.zeros(layers, np.int64)
+    for layer in range(layers):
+        for row in rows:
+            found[layer] += offsets[layer * cells + row + 1] - offsets[layer * cells + row]
+    return found
+
+
+@compiled(nogil=True)
+def points_in_box(points, coords, offsets, layers, rows, size, place, axes, half):
+    """Running numbers and places, (n,) int64 and (n, 3) float64 relative to ``place``, of points of the first ``layers`` layers
+    of the cells ``rows`` that lie in a box.
+
+    place: (3,) its centre, relative to the grid's origin.  axes: (3, 3) rows, unit vectors.  half: (3,) half lengths along
+    them.
+    """
+    cells, step = coords.shape[0], size / 65536.0
+    index, out, count = np.empty(1024, np.int64), np.empty((1024, 3), np.float64), 0
+    for row in rows:
+        x0 = coords[row, 0] * size - place[0]
+        y0 = coords[row, 1] * size - place[1]
+        z0 = coords[row, 2] * size - place[2]
+        for layer in range(layers):
+            for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
+                x, y, z = place_in_cell(points, i, step)
+                x, y, z = x0 + x, y0 + y, z0 + z
+                if abs(axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) > half[0]:
+                    continue
+                if abs(axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z) > half[1]:
+                    continue
+                if abs(axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z) > half[2]:
+                    continue
+                if count == len(index):
+                    index = np.concatenate((index, np.empty_like(index)))
+                    out = np.concatenate((out, np.empty_like(out)))
+                index[count] = i
+                out[count, 0], out[count, 1], out[count, 2] = x, y, z
+                count += 1
+    return index[:count], out[:count]

@@ -39,10 +39,6 @@ if TYPE_CHECKING:
     from ....work.history import History
     from ...kit.overlay import OverlayCanvas
 
-NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area",
-         "plane": "Plane", "pipe": "Pipe", "circle": "Circle"}
-_CLICK = {"plane": "Click a flat surface", "pipe": "Click a pipe, a column or a tank", "circle": "Click what is round"}
-
 
 class Measure(Tool):
     """Sets points by clicks; Enter or a double click ends a polyline or an area, Backspace takes the last point back.
@@ -87,7 +83,7 @@ class Measure(Tool):
             self._fitting.start(context, self.kind, measured_point(context, taken))
             return False
         self.points.append(measured_point(context, taken))
-        if len(self.points) == KINDS[self.kind][1]:
+        if len(self.points) == KINDS[self.kind].most:
             self._finish(context)
         return False
 
@@ -149,9 +145,9 @@ class Measure(Tool):
 
     def _change_kind(self, kind: str, context: ToolContext) -> None:
         """Measures another kind from now on, from the points that are set, as far as it has room for them."""
-        most = KINDS[kind][1]
+        most = KINDS[kind].most
         if most is not None and len(self.points) >= most:
-            context.toast(f"{NAMES[self.kind]}: {counted(len(self.points), 'point')} given up, not ended")
+            context.toast(f"{KINDS[self.kind].name}: {counted(len(self.points), 'point')} given up, not ended")
             self.points.clear()
         self.kind = kind
 
@@ -160,10 +156,10 @@ class Measure(Tool):
             self.points.pop()
 
     def _finish(self, context: ToolContext) -> None:
-        fewest, most, _ = KINDS[self.kind]
-        if len(self.points) < fewest:
-            if most is None and self.points:
-                context.toast(f"{NAMES[self.kind]}: {fewest} points at least")
+        kind = KINDS[self.kind]
+        if len(self.points) < kind.fewest:
+            if kind.most is None and self.points:
+                context.toast(f"{kind.name}: {kind.fewest} points at least")
             return
         points = tuple(self.points)
         self.points.clear()
@@ -171,37 +167,36 @@ class Measure(Tool):
 
     def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext) -> None:
         document = context.document
-        name = unique_name(NAMES[kind], (item.name for item in document.measurements))
+        name = unique_name(KINDS[kind].name, (item.name for item in document.measurements))
         made = Measurement(kind, points, name, document.up)
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
 
     def hint(self, context: ToolContext) -> str:
-        fewest, most, _ = KINDS[self.kind]
-        placed = len(self.points)
-        if self.kind in FITTED:
-            return "Fitting…  ·  Esc gives up" if self._fitting.point is not None else _CLICK[self.kind]
+        kind, placed = KINDS[self.kind], len(self.points)
+        if self._fitting.point is not None:
+            return "Fitting…  ·  Esc gives up"
         if not placed:
-            return "" if context.document.measurements else "Click the first point"
+            known = self.kind not in FITTED or any(item.kind == self.kind for item in context.document.measurements)
+            return "" if known and context.document.measurements else f"Click {kind.click}"
         if self.kind == "angle":
             click = "Click the corner" if placed == 1 else "Click the end of the other side"
         else:
-            click = "Click the second point" if most == 2 else "Click the next point"
-        ends = "  ·  Enter ends" if most is None and placed >= fewest else ""
+            click = "Click the second point" if kind.most == 2 else "Click the next point"
+        ends = "  ·  Enter ends" if kind.most is None and placed >= kind.fewest else ""
         return f"{click}{ends}  ·  Backspace takes one back  ·  Esc gives up"
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         hovered = context.session.work.under_pointer
         points = list(self.points)
-        if hovered is not None:
-            overlay.marker(hovered.position, "warn", 5.0, "ring")
         if (fitted := self._fitting.point) is not None:
             overlay.marker(fitted.position, "warn", 4.0)
         if hovered is not None:
+            overlay.marker(hovered.position, "warn", 5.0, "ring")
             points.append(MeasuredPoint(hovered.position))
         if not self.points:
             return
-        fewest, most, _ = KINDS[self.kind]
-        if len(points) >= fewest and (most is None or len(points) <= most):
+        kind = KINDS[self.kind]
+        if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
             made = Measurement(self.kind, tuple(points), "", context.document.up)
             result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
             draw_measurement(overlay, made, text_of(result, unit_of(context)), "warn")
@@ -212,12 +207,12 @@ class Measure(Tool):
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         ui.set_next_item_width(-1)
-        if ui.begin_combo("##kind", NAMES[self.kind]):
-            for kind, (_, _, what) in KINDS.items():
-                if ui.selectable(NAMES[kind], self.kind == kind)[0] and kind != self.kind:
-                    self._change_kind(kind, context)
+        if ui.begin_combo("##kind", KINDS[self.kind].name):
+            for name, kind in KINDS.items():
+                if ui.selectable(kind.name, self.kind == name)[0] and name != self.kind:
+                    self._change_kind(name, context)
                 if ui.is_item_hovered():
-                    ui.set_tooltip(what)
+                    ui.set_tooltip(kind.what)
             ui.end_combo()
         history = context.session.work.history
         ui.begin_disabled(history.undo_label is None)
