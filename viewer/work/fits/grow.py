@@ -24,6 +24,9 @@ WITHIN = 3.5
 """Standard deviations within which points belong to a surface: a normal distribution has one in two thousand beyond."""
 CREEP = 1.6
 """How much larger than at the click the scatter may become while the piece grows, before it lies on another surface."""
+LOOSEST = 2.0
+"""Scatter around a cylinder, in that at the click, from which it is none: one laid into a corner of two walls had 2.5 times the
+noise.  A plane may be as rough as it is."""
 UNSURE = 0.5
 """Uncertainty of a radius, as a share of it, from which it is not stated."""
 FEWEST = 30
@@ -89,6 +92,8 @@ def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float |
             made = _grow(in_box, start.cylinder, around, half, longest)
         except (ValueError, NoFit):
             continue  # this start leads nowhere; where all do, the message below says so
+        if made.fit.sigma > LOOSEST * around.noise:
+            continue
         worth = len(made.points) / made.points.share * (around.noise / made.fit.sigma) ** 3 / made.fit.structure
         if best is None or worth > best[0]:
             best = worth, made
@@ -123,7 +128,7 @@ def _corrected(grown: Grown) -> Grown:
     try:
         return replace(grown, fit=without_noise_bias(grown.fit, grown.points.xyz))
     except ValueError as error:
-        raise NoFit(f"no diameter can be told here: {error}") from None
+        raise NoFit(f"nothing round here: {error}") from None
 
 
 def _around(in_box: InBox, spacing: float, floor: float) -> _Around:
