@@ -181,7 +181,8 @@ def test_stated_errors_are_the_spread_of_repeated_fits(seed):
             stated.append(fit.errors)
             assert fit.sigma == pytest.approx(0.005, rel=0.25)
         ratio = np.mean(stated, axis=0) / np.std(found, axis=0)
-        assert (ratio < 1.5).all() and (ratio > 1 / 1.5).all(), (kind, ratio)
+        # The larger of three estimates is stated: 1.15 on the average.  A spread of 60 fits is unsure by 9 %.
+        assert (ratio < 1.8).all() and (ratio > 1 / 1.5).all(), (kind, ratio)
 
 
 def plane_change(plane: Plane, other: Plane) -> np.ndarray:
@@ -192,7 +193,7 @@ def plane_change(plane: Plane, other: Plane) -> np.ndarray:
 
 
 def test_errors_that_patches_share_are_stated_as_larger(seed):
-    """Of 20 fits with a right statement of 95 %, more than 4 are outside in 1 of 400 runs."""
+    """Of 20 fits with a right statement of 95 %, more than 5 are outside in 1 of 3,000 runs."""
     random = np.random.default_rng(seed)
     outside, stated, alone = 0, [], []
     for _ in range(20):
@@ -208,7 +209,7 @@ def test_errors_that_patches_share_are_stated_as_larger(seed):
         stated.append(fit.errors[2] / radius)
         alone.append(fitted(truth, feet + (0.01 * radius * noise)[:, None] * normals, 1e-6).errors[2] / radius)
     assert np.mean(stated) > 2 * np.mean(alone)
-    assert outside <= 4
+    assert outside <= 5
 
 
 def test_noise_and_spacing_are_those_of_a_bent_surface(seed):

@@ -4,6 +4,7 @@ A limit: pipes whose radius is below 15 times the noise are not tried here.  The
 noise, which is not known.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,7 @@ from pointglass.viewer.work.places.pick import surface_around
 
 ROUNDING = 1e-5
 LOOKED = 2000  # points of a box, for time: fewer than measured.MOST
-OUTSIDE = 3  # of 16, at most.  Where each is inside with 95 %, more than 3 are outside in 7 of 1,000 runs (binomial).
+OUTSIDE = 4  # of 16, at most.  Where each is inside with 95 %, more than 4 are outside in 1 of 1,000 runs (binomial).
 EVERYTHING = np.zeros(3), np.eye(3), np.full(3, 1e3)
 
 
@@ -87,7 +88,7 @@ def test_a_flat_wall_and_a_corner_of_two_walls_are_no_pipe(kind, seed):
         click = xyz[np.linalg.norm(points - place, axis=1).argmin()]
         with pytest.raises(NoFit) as raised:
             fit_near(xyz, click, kind, 0.006)
-        assert "nothing round here" in str(raised.value) and "\n" not in str(raised.value)
+        assert re.fullmatch("(nothing round|no circle) here: .*", str(raised.value))
 
 
 @pytest.mark.parametrize("kind", ["plane", "pipe", "circle"])

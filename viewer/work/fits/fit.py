@@ -88,7 +88,8 @@ def fit_of(in_box: "InBox", place: np.ndarray, kind: str, spacing: float, roundi
     if kind == "plane":
         return _value(kind, grown_plane(in_box, spacing, rounding), place)
     if kind == "circle":
-        return _value(kind, circle_of(grown_cylinder(in_box, spacing, rounding, longest=4.0)), place)
+        pipe = grown_cylinder(in_box, spacing, rounding, longest=4.0, loosest=np.inf)
+        return _value(kind, circle_of(pipe), place)
     return _value(kind, grown_cylinder(in_box, spacing, rounding), place)
 
 

@@ -40,6 +40,7 @@ SETTLED = 0.01
 _ROUNDS = 20
 _FACING = np.cos(np.radians(35.0))
 _START_POINTS, _FACING_POINTS = 1500, 3000
+_FLAT = "nothing round here: the surface is flat, or too few points show its bend"
 
 
 class NoFit(PointglassError):
@@ -81,9 +82,10 @@ def grown_plane(in_box: InBox, spacing: float, floor: float) -> Grown:
         raise NoFit(f"no plane here: {error}") from None
 
 
-def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float | None = None) -> Grown:
+def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float | None = None,
+                   loosest: float = LOOSEST) -> Grown:  # fmt: skip
     """The cylinder at the click.  longest: how far from the click it may reach along its axis, in radii; None: as far as it
-    goes.  Raises NoFit."""
+    goes.  loosest: as LOOSEST.  Raises NoFit."""
     around = _around(in_box, spacing, floor)
     rng = np.random.default_rng(0)  # the same click gives the same pipe
     best: tuple[float, Grown] | None = None
@@ -92,13 +94,13 @@ def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float |
             made = _grow(in_box, start.cylinder, around, half, longest)
         except (ValueError, NoFit):
             continue  # this start leads nowhere; where all do, the message below says so
-        if made.fit.sigma > LOOSEST * around.noise:
+        if made.fit.sigma > loosest * around.noise:
             continue
         worth = len(made.points) / made.points.share * (around.noise / made.fit.sigma) ** 3 / made.fit.structure
         if best is None or worth > best[0]:
             best = worth, made
     if best is None:
-        raise NoFit("nothing round here: the surface is flat, or too few points show its bend")
+        raise NoFit(_FLAT)
     found = _corrected(best[1])
     surface = found.fit.surface
     assert isinstance(surface, Cylinder)
@@ -108,7 +110,8 @@ def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float |
 
 
 def circle_of(pipe: Grown) -> Grown:
-    """The cross-section of a pipe at the click: the circle through the points near the plane across its axis.  Raises NoFit."""
+    """The cross-section of a pipe at the click: the circle through the points near the plane across its axis.  The pipe may
+    be a cone or a bend, around which points scatter more than around the circle.  Raises NoFit."""
     cylinder = pipe.fit.surface
     assert isinstance(cylinder, Cylinder)
     along = pipe.points.xyz @ cylinder.direction
@@ -121,6 +124,8 @@ def circle_of(pipe: Grown) -> Grown:
         fit = fitted(Circle(foot, cylinder.direction, cylinder.radius), points.xyz, pipe.noise * 0.25, pipe.fit.sigma)
     except ValueError as error:
         raise NoFit(f"no circle here: {error}") from None
+    if fit.sigma > LOOSEST * pipe.noise:
+        raise NoFit(_FLAT)
     return _corrected(replace(pipe, fit=fit, points=points))
 
 

@@ -21,9 +21,9 @@ TUKEY = 4.685
 Statistics, 1981)."""
 STEPS, STEPS_AT_FIRST = 40, 6
 """Of a fit that is stated, and while its points are still being found."""
-BLOCKS = 36
-"""Blocks of a jackknife, about; chosen by hand: with fewer its own spread widens what is stated, with more neighbouring blocks
-share errors."""
+BLOCKS = (16, 36)
+"""Blocks of the jackknives, about; chosen by hand.  Fewer blocks state an uncertain value, more share errors with their
+neighbours: the larger value of both is stated."""
 _MAD = 1.4826  # from the median of absolute deviations to the standard deviation of a normal distribution
 
 
@@ -113,29 +113,30 @@ def _errors(surface: Surface, points: np.ndarray, distances: np.ndarray, slopes:
     inverse = _solved(whole, np.eye(len(whole)))
     count, parameters = slopes.shape
     independent = inverse @ (pull.T @ pull) @ inverse * count / max(count - parameters, 1)
-    block = blocks(surface, points)
-    number = int(block.max()) + 1
-    variance, free, structure = np.diag(independent), count - parameters, 1.0
-    if number >= 2 * parameters:
+    alone = np.maximum(np.diag(independent), 1e-300)
+    variance, free = alone, count - parameters
+    for block in (blocks(surface, points, size) for size in BLOCKS):
+        number = int(block.max()) + 1
+        if number < 2 * parameters:
+            continue
         pulls = np.stack([np.bincount(block, pull[:, k], number) for k in range(parameters)], axis=1)
         curves = np.stack([[np.bincount(block, scaled[:, a] * scaled[:, b] * curve, number) for b in range(parameters)]
                            for a in range(parameters)])  # fmt: skip
         moves = np.stack([_solved(whole - curves[:, :, g], pulls[g]) for g in range(number)])
         jackknife = (number - 1) / number * ((moves - moves.mean(axis=0)) ** 2).sum(axis=0)
-        structure = float((np.maximum(jackknife / np.maximum(variance, 1e-300), 1.0)).mean())
-        variance, free = np.maximum(variance, jackknife), number - 1
-    return np.sqrt(np.maximum(variance, 0.0)) / scale, float(stdtrit(max(free, 1), 0.975)), structure
+        variance, free = np.maximum(variance, jackknife), min(free, number - 1)
+    return np.sqrt(variance) / scale, float(stdtrit(max(free, 1), 0.975)), float((variance / alone).mean())
 
 
-def blocks(surface: Surface, points: np.ndarray) -> np.ndarray:
-    """(n,) number of the block of the surface that each point lies in, from 0 without gaps."""
+def blocks(surface: Surface, points: np.ndarray, about: int) -> np.ndarray:
+    """(n,) number of the block of the surface that each point lies in, from 0 without gaps.  about: how many there are."""
     unrolled = surface.unrolled(points)
     if surface.circumference is not None:  # begin behind the largest gap
         order = np.sort(unrolled[:, 0])
         gaps = np.diff(np.append(order, order[0] + surface.circumference))
         unrolled[:, 0] = (unrolled[:, 0] - order[(gaps.argmax() + 1) % len(order)]) % surface.circumference
     low, size = unrolled.min(axis=0), np.maximum(np.ptp(unrolled, axis=0), 1e-300)
-    side = np.sqrt(size.prod() / BLOCKS)
-    number = np.clip(np.round(size / max(side, size.max() / BLOCKS)), 1, BLOCKS).astype(int)
+    side = np.sqrt(size.prod() / about)
+    number = np.clip(np.round(size / max(side, size.max() / about)), 1, about).astype(int)
     place = np.minimum((unrolled - low) / size * number, number - 1).astype(np.int64)
     return np.unique(place[:, 0] * number[1] + place[:, 1], return_inverse=True)[1]
