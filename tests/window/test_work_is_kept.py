@@ -77,7 +77,11 @@ def measure(window: RealWindow) -> None:
     """Measures a distance, with the tool: no click is lost, whatever the window does meanwhile."""
     window.click(480, 400)
     window.click(720, 300)
-    until(lambda: "•" in window.title, "the measurement")
+    try:
+        until(lambda: "•" in window.title, "the measurement")
+    except AssertionError:  # what the window shows says why
+        window.picture("not-measured")
+        raise
 
 
 def answered(window: RealWindow, done, what: str) -> None:

@@ -41,8 +41,8 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
 
 
-@pytest.mark.parametrize("moved", [False, True])
-def test_who_has_not_moved_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_one(moved):
+@pytest.mark.parametrize("done", ["nothing", "moved", "clicked"])
+def test_who_has_not_moved_or_clicked_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_one(done):
     made, clock = session()
     assert made.scene is not None
     complete = room()
@@ -50,14 +50,15 @@ def test_who_has_not_moved_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_
     poor = view_along(np.array([7.4, 3.0, 1.6]), np.array([1.0, 0.0, 0.0]), 1.0, np.eye(3))  # close to a wall, facing it
     made.accept(Loaded(room(points=500), survey(complete), (Path("a.laz"),), preview=True))
     made.flight.begin(poor, survey(complete))
-    if moved:
+    if done == "moved":
         made.flight.state = replace(poor, position=poor.position - 0.2)
+    made.shown_scan.touched = done == "clicked"
     camera = made.camera
     made.accept(Loaded(complete, survey(complete), (Path("a.laz"),), follows_preview=True))
     for _ in range(40):
         clock.now += 0.1
         made.advance()
-    if moved:
+    if done != "nothing":
         assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
     else:
         assert np.allclose(made.camera.position, good.position, atol=1e-6) and made.flight.at_home

@@ -144,7 +144,8 @@ class Resting:
         self.scene, self.toasts = object(), []
         self.camera = Camera(40, 30, 30.0, 30.0, 20.0, 15.0, look_at((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
         self.viewport: Any = SimpleNamespace(frame=SimpleNamespace(facts=SimpleNamespace(points_missing=0)))
-        self.session: Any = SimpleNamespace(flight=SimpleNamespace(moving=False), screen=SimpleNamespace(needs_picture=False))
+        self.session: Any = SimpleNamespace(flight=SimpleNamespace(moving=False), screen=SimpleNamespace(needs_picture=False),
+                                            shown_scan=SimpleNamespace(touched=False))
         self.toast, self.wake = self.toasts.append, lambda: None
 
 
@@ -175,6 +176,27 @@ def test_clicks_that_come_before_the_picture_is_at_rest_are_answered_in_order_wh
     assert picker.received == [], "not before those that wait"
     box.follow(context)  # type: ignore[arg-type]
     assert picker.received == [(1.0, 2.0), (2.0, 2.0), "ENTER", (3.0, 2.0)] and not context.toasts
+
+
+def test_a_click_is_answered_at_what_it_was_made_at_where_the_picture_has_another_size_meanwhile(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        fly, picker, context = Recorder("fly"), Picker("picker"), Resting()
+        box = Toolbox([fly, picker], [])
+        box.select("picker", context)  # type: ignore[arg-type]
+        before = context.camera
+        context.session.flight.moving = True
+        at = float(rng.uniform(0, before.width)), 2.0
+        box.pointer(PointerEvent("release", at, button="left", clicks=1), context)  # type: ignore[arg-type]
+        assert context.session.shown_scan.touched
+        context.camera = before.resized(*rng.integers(20, 60, 2).tolist())
+        context.session.flight.moving = False
+        box.follow(context)  # type: ignore[arg-type]
+        (column, row), _ = (value[0] for value in context.camera.project(before.unproject(np.array([at]), np.ones(1))))
+        if 0 <= column <= context.camera.width and 0 <= row <= context.camera.height:
+            assert picker.received[0] == pytest.approx((column, row)) and not context.toasts
+        else:
+            assert not picker.received and "click again" in context.toasts[0]
 
 
 def test_a_click_whose_picture_has_moved_away_is_not_answered_and_a_line_says_so():

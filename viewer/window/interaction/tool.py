@@ -239,11 +239,11 @@ class Toolbox:
                 tool.wanted = False
                 if tool is not self.active:
                     self.select(tool.name, context)
-        for event in self._waiting.answerable(context):
+        for event, at in self._waiting.answerable(context):
             if isinstance(event, KeyEvent):
                 self.active.key_event(event, context)
             else:
-                self.active.pointer(event, context)
+                self.active.pointer(replace(event, position=at or event.position), context)
 
     @property
     def unfinished(self) -> list[str]:
@@ -273,15 +273,17 @@ class Toolbox:
 
     def _give(self, tool: Tool, event: PointerEvent, context: ToolContext) -> bool:
         """Gives an event to a tool, a click later where it has to wait.  Returns whether the tool used it."""
-        if tool.picks and event.kind == "release" and event.clicks and self._waiting.keeps(event, context):
-            return False
+        if tool.picks and event.kind == "release" and event.clicks:
+            context.session.shown_scan.touched = True
+            if self._waiting.keeps(event, context, event.position):
+                return False
         return tool.pointer(event, context)
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         """Gives a key to the selected tool.  Returns whether it used it."""
         if event.key == "ESCAPE":
             self._waiting.forget()
-        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context, click=False):
+        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context):
             return True
         return self.active.key_event(event, context)
 

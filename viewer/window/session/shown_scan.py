@@ -45,7 +45,8 @@ value. At 1 the camera would move in each of these scans."""
 class ShownScan:
     """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
     start: the camera at which the next scan begins; None: one is chosen (viewer.window.flight.start_viewpoint).
-    resume: the view at which the next scan begins, where the same scan was left at it; Home stays the chosen one."""
+    resume: the view at which the next scan begins, where the same scan was left at it; Home stays the chosen one.
+    touched: whether a person has clicked at something in the scan, who then expects it to stay where it is."""
 
     def __init__(self, flight: Flight, start: Camera | None = None):
         self._flight = flight
@@ -53,7 +54,7 @@ class ShownScan:
         self.resume: Viewpoint | None = None
         self.scene: Scene | None = None
         self.paths: tuple[Path, ...] = ()
-        self.preview = False
+        self.preview = self.touched = False
         self._seen: Survey | None = None
         self._inside = False  # whether it began standing in the scan
         self._chosen = False  # whether its start viewpoint was chosen here, not given
@@ -67,9 +68,14 @@ class ShownScan:
         if loaded.variant:
             return True
         stays = self.shows_scan_of(loaded)
-        if stays and loaded.follows_preview and self._flight.at_home and not self._inside:
+        if stays and loaded.follows_preview and self._untouched and not self._inside:
             stays = standing_view(loaded.scene, loaded.seen) is None
         return stays
+
+    @property
+    def _untouched(self) -> bool:
+        """Whether nobody has flown or clicked in this scan yet."""
+        return self._flight.at_home and not self.touched
 
     def shows_scan_of(self, loaded: Loaded) -> bool:
         """Whether the scan shown is that of ``loaded``: its preview, or the same files."""
@@ -92,6 +98,7 @@ class ShownScan:
     def begin(self, document: Document, aspect: float) -> None:
         """Puts the camera at the start viewpoint of the scene.  aspect: width over height of the picture."""
         assert self.scene is not None and self._seen is not None
+        self.touched = False
         near = near_survey(self._seen)
         standing = standing_view(self.scene, near, upright_axes(document.up))
         self._inside = standing is not None
@@ -112,7 +119,7 @@ class ShownScan:
 
     def mend_start(self, document: Document, aspect: float) -> None:
         """Flies to the complete scan's start viewpoint where that of its preview is much worse and nobody has moved yet."""
-        if self.scene is None or self._seen is None or not (self._chosen and self._inside and self._flight.at_home):
+        if self.scene is None or self._seen is None or not (self._chosen and self._inside and self._untouched):
             return
         upright, old = upright_axes(document.up), self._flight.home
         level, new = turned(self._seen, upright), start_state(self.scene, self._seen, aspect, document.up)

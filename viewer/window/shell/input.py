@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from ..interaction.controls import Control, by_chord, by_key
 from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
+from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping
 
@@ -189,13 +190,11 @@ class Input:
 
     @property
     def _over_interface(self) -> bool:
-        """Whether the pointer is imgui's.  Its own answer is of the last picture: where pictures take long, the pointer has
-        moved since, and a click on the picture would be lost, or one on a panel would set a point behind it."""
-        imgui, io = self._host.imgui, self._host.imgui.get_io()
-        pressed = self._button or any(imgui.is_mouse_down(number) for number in range(3))
-        if imgui.get_frame_count() and not pressed:
-            imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(*self.pointer))
-        return io.want_capture_mouse
+        """Whether the pointer is imgui's; as it was at the press while a button is held."""
+        imgui = self._host.imgui
+        if self._button or any(imgui.is_mouse_down(number) for number in range(3)):
+            return imgui.get_io().want_capture_mouse
+        return over_interface(imgui, self.pointer)
 
     @property
     def position(self) -> tuple[float, float]:
