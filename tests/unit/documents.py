@@ -11,7 +11,7 @@ from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
 from pointglass.viewer.work.fits.fit import Fit
-from pointglass.viewer.work.measure import FITTED, KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
 
 
 def random_view(random, name: str) -> Viewpoint:
@@ -25,7 +25,18 @@ def random_fit(random, kind: str) -> Fit:
     low, high, seen, sigma = map(float, random.uniform([-2, 1, 0, 0], [-1, 2, 360, 0.01]))
     place, axis = vector(random.uniform(-1e6, 1e6, 3)), vector(direction / np.linalg.norm(direction))
     radius, unsure, tilt = map(float, random.random(3))
-    return Fit(kind, place, axis, radius, low, high, seen, sigma, int(random.integers(30, 10_000)), unsure, tilt)
+    return Fit(kind, place, axis, radius, low, high, seen, sigma, int(random.integers(30, 10_000)), unsure, tilt,
+               float(random.random()) if kind == "plane" else 0.0)
+
+
+def random_fits(random, kind: str) -> list[Fit | None]:
+    """What is fitted at the points of a measurement of a kind of KINDS, None where nothing is."""
+    surfaces = [KINDS[kind].surface(number) for number in range(KINDS[kind].fewest)]
+    found = [None if surface is None else random_fit(random, surface) for surface in surfaces]
+    if kind == "corner":  # three planes that meet in a place
+        axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        found = [replace(fit, direction=vector(axis)) for fit, axis in zip(found, axes, strict=True) if fit is not None]
+    return found
 
 
 def random_document(random, scans: list[str]) -> Document:
@@ -33,8 +44,7 @@ def random_document(random, scans: list[str]) -> Document:
         return MeasuredPoint(vector(random.uniform(-1e6, 1e6, 3)), float(random.random()), float(random.random()), "scan é 1")
 
     def points(kind: str) -> tuple[MeasuredPoint, ...]:
-        fit = random_fit(random, kind) if kind in FITTED else None
-        return tuple(replace(point(), fit=fit) for _ in range(KINDS[kind].fewest))
+        return tuple(replace(point(), fit=fit) for fit in random_fits(random, kind))
 
     kinds = list(KINDS)
     measurements = [Measurement(kind, points(kind), f"M {i}")

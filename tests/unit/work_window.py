@@ -12,7 +12,7 @@ from pointglass.viewer.window.flight.start_viewpoint import survey
 from pointglass.viewer.window.session import autosave as module
 from pointglass.viewer.window.session.project_flow import ProjectFlow
 from pointglass.viewer.window.session.session import Session
-from pointglass.viewer.work.measure import MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 
 SCENE = room(points=2_000)
 SURVEY = survey(SCENE)

@@ -18,6 +18,7 @@ from x_keyboard import xdo
 from pointglass.viewer.commands.film import encode
 from pointglass.viewer.commands.section import sheet
 from pointglass.viewer.window.interaction.film import film_job
+from pointglass.viewer.window.interaction.measuring import fitting
 from pointglass.viewer.window.saving import still_job
 from pointglass.viewer.window.session import exact_points
 from pointglass.viewer.work.document import Document, ScanFile
@@ -205,6 +206,33 @@ def check_a_click_fits_a_plane_of_the_kind_chosen_in_the_list(p: Person, folder:
     p.d.until(lambda: len(session.document.measurements) > before)
     made = session.document.measurements[-1]
     assert made.kind == "plane" and made.fit is not None and made.fit.count >= 30
+    p.key("ctrl+z")
+    assert len(session.document.measurements) == before
+    tool.kind = "distance"
+    p.key("Escape")
+
+
+def check_two_planes_clicked_in_quick_succession_are_both_fitted(p: Person, folder: Path) -> None:
+    session, tool = p.d.session, tool_of(p, "measure")
+    p.d.drop(Path("room5"))
+    p.opened("room5")
+    p.key("t")
+    p.click("##kind")
+    p.click("Plane to plane")
+    p.d.until(lambda: tool.kind == "plane to plane")
+    left, top, width, height = (*session.area.origin, *session.area.size)
+    p.d.rest()
+    before = len(session.document.measurements)
+    with held(fitting, "fit_at"):  # both clicks come before the first surface is found
+        for across, down in ((0.5, 0.45), (0.5, 0.9)):
+            xdo("mousemove", round(left + width * across), round(top + height * down))
+            p.d.settle()
+            xdo("click", 1)
+            p.d.settle()
+        p.d.until(lambda: len(tool._fitting.points) == 2)
+    p.d.until(lambda: len(session.document.measurements) > before)
+    made = session.document.measurements[-1]
+    assert made.kind == "plane to plane" and len(made.fits) == 2 and not tool.points
     p.key("ctrl+z")
     assert len(session.document.measurements) == before
     tool.kind = "distance"

@@ -16,7 +16,7 @@ from ..picture.camera import Camera, from_fov
 from ..picture.clip import Vector
 from ..picture.edits import Edits
 from ..picture.settings import BACKGROUNDS, Settings
-from .measure import Measurement
+from .measuring.measurement import Measurement
 
 Matrix = tuple[
     tuple[float, float, float, float],

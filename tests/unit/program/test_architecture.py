@@ -35,7 +35,6 @@ SAME_NAME: dict[str, str] = {
     "errors": "the base class in model/common, and the viewer's classes",
     "heldout": "held-out points as data, and their judging",
     "hole_test": "the reference implementation in model/, the pass in viewer/render/",
-    "measure": "measurements, and the window's tool for them",
     "noise_level": "the reference implementation in model/, the pass in viewer/render/",
     "reprojection": "the reference implementation in model/, the pass in viewer/render/",
     "scanner_positions": "what a file says (model/common), and what is inferred from the order of points (viewer/preprocess)",

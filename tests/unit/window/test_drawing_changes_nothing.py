@@ -12,7 +12,7 @@ from pointglass.viewer.window.interaction.table import TOOLS, toolbox
 from pointglass.viewer.window.interaction.tool import ToolContext
 from pointglass.viewer.window.kit.notices import Answer, KeepAsScanned, ScanNotice
 from pointglass.viewer.window.session.time_recording import FrameTimes
-from pointglass.viewer.work.measure import MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 
 imgui = pytest.importorskip("imgui_bundle", reason="the window's packages are not installed").imgui
 

@@ -21,7 +21,7 @@ from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
 from pointglass.viewer.window.session import exact_points
 from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.work.document import Document, ScanFile
-from pointglass.viewer.work.measure import evaluate
+from pointglass.viewer.work.measuring.values import evaluate
 from pointglass.viewer.work.project import places_in, write_project
 
 
@@ -112,7 +112,7 @@ def test_the_point_that_was_set_last_is_not_set_again(context):
 def fitted(tool, context) -> None:
     """Turns the window's loop until no surface is being fitted."""
     end = monotonic() + 60
-    while tool._fitting.point is not None and monotonic() < end:
+    while tool._fitting.points and monotonic() < end:
         tool.follow(context)
         sleep(0.01)
 
@@ -137,6 +137,35 @@ def test_a_fit_is_given_up_by_esc_and_a_flat_wall_is_no_pipe(wall):
     click(tool, context, (1.0, 5.0, 1.0))
     fitted(tool, context)
     assert context.document.measurements == () and context.toasts[-1].startswith("Nothing round here")
+
+
+def test_a_plane_that_is_set_goes_over_to_a_kind_that_begins_with_one(wall):
+    context, tool = Context(wall), Measure()
+    tool.kind = "corner"
+    click(tool, context, (1.0, 5.0, 1.0))
+    fitted(tool, context)
+    (plane,) = tool.points
+    assert plane.fit is not None and tool.hint(context).startswith("Click another flat surface")
+    tool._change_kind("edge", context)
+    assert tool.points == [plane]
+    click(tool, context, (3.0, 5.0, 2.0))
+    assert "Fitting" in tool.hint(context)
+    fitted(tool, context)
+    (made,) = context.document.measurements
+    assert made.kind == "edge" and evaluate(made).value == pytest.approx(180.0, abs=0.5) and tool.points == []
+
+
+def test_another_kind_gives_up_planes_that_it_has_no_use_for_those_being_fitted_too(wall):
+    context, tool = Context(wall), Measure()
+    tool.kind = "corner"
+    click(tool, context, (1.0, 5.0, 1.0))
+    fitted(tool, context)
+    click(tool, context, (3.0, 5.0, 2.0))
+    tool._change_kind("distance", context)
+    assert tool.points == [] and tool._fitting.points == [] and "Corner: 2 points given up" in context.toasts[-1]
+    click(tool, context, (1.0, 5.0, 1.0))
+    click(tool, context, (3.0, 5.0, 1.0))
+    assert [made.kind for made in context.document.measurements] == ["distance"]
 
 
 def test_an_area_ends_with_enter_and_points_are_taken_back(context):

@@ -13,7 +13,7 @@ from pointglass.viewer.window.interaction.fly import Fly
 from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
-from pointglass.viewer.work.measure import FITTED, KINDS, MeasuredPoint
+from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint
 
 
 class Recorder(Tool):
@@ -92,18 +92,19 @@ def test_every_tool_has_a_name_of_its_own_and_fly_is_first():
     assert len(keys) == len(set(keys)) and all(tool.label and tool.help for tool in TOOLS)
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in FITTED])
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.most != 1])
 def test_measuring_says_at_the_pointer_what_a_click_does_and_when_enter_ends(kind):
     tool, context = Measure(), SimpleNamespace(document=SimpleNamespace(measurements=()))
     tool.kind, fewest, most = kind, KINDS[kind].fewest, KINDS[kind].most
-    assert tool.hint(context) == "Click the first point"
+    assert tool.hint(context) == ("Click a flat surface" if KINDS[kind].surfaces else "Click the first point")
     for placed in range(1, most or 5):
         tool.points.append(MeasuredPoint((float(placed), 0.0, 0.0)))
         text = tool.hint(context)
-        assert text.startswith("Click the ") and text.endswith("Backspace takes one back  ·  Esc gives up")
+        assert text.startswith(("Click the ", "Click another ")) and text.endswith("Backspace takes one back  ·  Esc gives up")
         assert ("Enter ends" in text) == (most is None and placed >= fewest)
-    context.document.measurements, tool.points = ("one",), []
-    assert tool.hint(context) == "", "who has measured knows how to begin"
+    context.document.measurements, tool.points = (SimpleNamespace(kind="distance"),), []
+    known = tool.hint(context) == ""
+    assert known == (not KINDS[kind].surfaces), "who has measured knows how to begin, not what is to be clicked"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -6,25 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from documents import random_fit
+from documents import random_fit, random_fits
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
-from pointglass.viewer.work.measure import (
-    FITTED,
-    KINDS,
-    Begun,
-    MeasuredPoint,
-    Measurement,
-    components,
-    components_text,
-    evaluate,
-    fit_text,
-    text_of,
-    unit_name,
-    value_text,
-)
-from pointglass.viewer.work.measure_table import COLUMNS, OF_FIT, csv_text, write_csv
+from pointglass.viewer.work.measuring.measure_table import COLUMNS, FOUND, OF_FIT, csv_text, write_csv
+from pointglass.viewer.work.measuring.measure_text import components_text, fit_text, text_of, unit_name, value_text
+from pointglass.viewer.work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.values import components, evaluate
 
 
 def measurement(kind: str, points, variance: float = 0.0, up=(0.0, 0.0, 1.0)) -> Measurement:
@@ -89,7 +78,7 @@ def test_uncertainty_is_what_repeated_measuring_shows(seed):
     shapes = {"distance": random.normal(size=(2, 3)) * 3, "polyline": np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [1, 2, 1]]),
               "height": np.array([[0.0, 0, 0], [1, 2, 3]]), "angle": np.array([[2.0, 0, 0], [0, 0, 0], [1, 2, 0.5]]),
               "area": random_polygon(random, 6)}  # fmt: skip
-    assert {*shapes, *FITTED} == set(KINDS), "what is fitted: test_fits.py"
+    assert {*shapes} == {name for name, kind in KINDS.items() if not kind.surfaces}, "the others: test_planes.py, test_fits.py"
     for kind, points in shapes.items():
         sigma = 0.01
         stated = evaluate(measurement(kind, points, sigma**2)).uncertainty / 2
@@ -136,12 +125,14 @@ def test_a_fitted_surface_is_written_with_its_sign_and_what_is_known_of_it(seed)
 def test_a_fit_belongs_to_measurements_of_its_kind_only(seed):
     pipe = random_fit(np.random.default_rng(seed), "pipe")
     for kind, fit in (("plane", pipe), ("pipe", None)):
-        with pytest.raises(InputError, match=f"a fit of a {kind}"):
+        with pytest.raises(InputError, match=f"expected that of a {kind}"):
             Measurement(kind, (MeasuredPoint((0.0, 0.0, 0.0), fit=fit),))
-    with pytest.raises(InputError, match="no fit"):
+    with pytest.raises(InputError, match="a fit of a pipe; expected none"):
         Measurement("distance", (MeasuredPoint((0.0, 0.0, 0.0), fit=pipe), MeasuredPoint((1.0, 0.0, 0.0))))
     with pytest.raises(InputError, match="not ended"):
         Begun("pipe", (MeasuredPoint((0.0, 0.0, 0.0)),))
+    with pytest.raises(InputError, match="point 1 of a measurement of corner has no fit; expected that of a plane"):
+        Begun("corner", (MeasuredPoint((0.0, 0.0, 0.0)),))
 
 
 def test_units():
@@ -151,9 +142,11 @@ def test_units():
 
 def test_csv_holds_every_number_exactly(tmp_path, seed):
     random = np.random.default_rng(seed)
-    made = [measurement(name, random.uniform(-1e6, 1e6, (kind.fewest, 3)), 1e-4)
-            for name, kind in KINDS.items() if name not in FITTED]
-    made += [Measurement(kind, (MeasuredPoint((1.0, 2.0, 3.0), fit=random_fit(random, kind)),), kind) for kind in FITTED]
+    made = []
+    for kind in KINDS:
+        places = [vector(random.uniform(-1e6, 1e6, 3)) for _ in range(KINDS[kind].fewest)]
+        points = [MeasuredPoint(at, 0.0, 1e-2, fit=fit) for at, fit in zip(places, random_fits(random, kind), strict=True)]
+        made.append(Measurement(kind, tuple(points), kind))
     made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
     write_csv(tmp_path / "m.csv", made, 0.3048)
     text = (tmp_path / "m.csv").read_bytes().decode()
@@ -162,8 +155,9 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
     assert tuple(rows[0]) == COLUMNS
     at = 0
     for item in made:
-        result, unit = evaluate(item), {"angle": "deg", "plane": "deg", "area": "ft^2"}.get(item.kind, "ft")
-        assert float(rows[at]["value"]) == result.value and rows[at]["unit"] == unit
+        result, unit = evaluate(item), {"angle": "deg", "plane": "deg", "edge": "deg", "area": "ft^2"}.get(item.kind, "ft")
+        assert rows[at]["value"] == (repr(result.value) if item.kind != "corner" else "") and rows[at]["unit"] == unit
+        assert [rows[at][name] for name in FOUND] == ([*map(repr, result.place)] if result.place is not None else [""] * 3)
         assert float(rows[at]["uncertainty_k2"]) == result.uncertainty
         for number, point in enumerate(item.points, 1):
             row = rows[at]
@@ -172,7 +166,7 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
             parts = components(item) if number == 1 else None
             told = [row[name] for name in ("dx", "dy", "dz", "horizontal", "vertical")]
             assert told == ([""] * 5 if parts is None else [repr(v) for v in (*parts.along, parts.horizontal, parts.vertical)])
-            fit = item.fit
+            fit = point.fit
             told = [row[name] for name in OF_FIT]
             assert told == ([""] * 9 if fit is None else [*map(repr, (*fit.place, *fit.direction)),
                             *(["", ""] if fit.kind == "plane" else [repr(fit.high - fit.low), repr(fit.seen)]), str(fit.count)])

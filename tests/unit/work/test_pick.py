@@ -145,7 +145,8 @@ def test_a_place_without_points_has_no_spacing(room):
 
 def test_distances_and_areas_in_a_room_of_known_size(room, seed):
     """Corners are snapped to as a person would, by pointing at them; the room's edges are known."""
-    from pointglass.viewer.work.measure import MeasuredPoint, Measurement, evaluate
+    from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
+    from pointglass.viewer.work.measuring.values import evaluate
 
     random = np.random.default_rng(seed)
     low, high = np.array([512_000.0, 5_403_000.0, 300.0]), np.array([512_000.0, 5_403_000.0, 300.0]) + ROOM

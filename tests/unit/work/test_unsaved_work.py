@@ -14,7 +14,7 @@ from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
-from pointglass.viewer.work.measure import Begun, MeasuredPoint
+from pointglass.viewer.work.measuring.measurement import Begun, MeasuredPoint
 from pointglass.viewer.work.moved_scans import ends_of
 from pointglass.viewer.work.project import places_in, read_project
 

@@ -15,7 +15,7 @@ from ....model.common.files.atomic_write import passes_through, write_atomic
 from ... import __version__
 from ...common.errors import InputError
 from ...common.text import counted
-from ...work.measure import unit_name
+from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
 
 if TYPE_CHECKING:

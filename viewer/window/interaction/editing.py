@@ -9,7 +9,8 @@ import numpy as np
 
 from ...common.errors import PointglassError
 from ...picture.clip import contains
-from ...work.measure import MeasuredPoint, unit_name
+from ...work.measuring.measure_text import unit_name
+from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
 from ...work.places.pick import Kept, Picked, pick, surface_around
 from ..flight.navigation import view_along

@@ -24,7 +24,7 @@ from ...common.errors import InputError
 from ...common.state_files import read_state
 from ...picture.json_values import from_json, to_json
 from ...work.document import Document
-from ...work.measure import Begun
+from ...work.measuring.measurement import Begun
 from ...work.project import document_from_json, with_paths, write_durably
 
 FOLDER = "autosave"

@@ -17,7 +17,7 @@ from ...common.paths import assets_dir
 from ...common.text import counted, printable
 from ...work.document import Document, Viewpoint
 from ...work.history import History
-from ...work.measure import Begun
+from ...work.measuring.measurement import Begun
 from ...work.project import SUFFIX, digest_of
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import Answer, ToastSubject

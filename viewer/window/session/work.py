@@ -16,7 +16,7 @@ from ...preprocess.scan_description import ScanDescription
 from ...readers.e57.e57_photographs import StationPhoto
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
-from ...work.measure import Begun
+from ...work.measuring.measurement import Begun
 from ...work.moved_scans import ScanPlace, difference, place_of
 from ...work.places.pick import Picked
 from ...work.project import (

@@ -4,13 +4,14 @@ Frame: file coordinates, file units, float64; angles in degrees.  Uncertainties 
 and of the instrument's scale are not in them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...common.errors import InputError
 from ...picture.clip import Vector, vector
+from ...picture.json_values import UNLESS_DEFAULT
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -25,11 +26,12 @@ _ROUNDING = 1 / np.sqrt(12.0)  # standard deviation of a place that is rounded t
 
 @dataclass(frozen=True)
 class Fit:
-    """kind: one of KINDS.  place: on the plane, or on the axis, beside the click.  direction: unit normal, or along the axis.
-    radius: 0 of a plane.  low, high: how far the piece reaches along the axis from ``place``; of a plane, in all directions,
-    about.  seen: degrees of the circumference that hold points, 0 of a plane.  sigma: scatter of the points around the surface.
+    """kind: one of KINDS.  place: on the axis, beside the click; of a plane, the middle of its piece.
+    direction: along the axis, or the unit normal.  radius: 0 of a plane.
+    low, high: how far the piece reaches along the axis from ``place``; of a plane, in all directions, about.
+    seen: degrees of the circumference that hold points, 0 of a plane.  sigma: scatter of the points around the surface.
     count: of the points.  radius_uncertainty: file units.  tilt_uncertainty: of the direction, degrees; 0 of a circle, whose
-    direction is that of the pipe.
+    direction is that of the pipe.  offset_uncertainty: of a plane along its normal, at ``place``, file units; 0 of others.
 
     Raises InputError where these are no surface.
     """
@@ -45,13 +47,14 @@ class Fit:
     count: int
     radius_uncertainty: float
     tilt_uncertainty: float
+    offset_uncertainty: float = field(default=0.0, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"a fit of kind {self.kind!r}: expected one of {', '.join(KINDS)}")
         values = (*self.place, *self.direction, self.radius, self.low, self.high, self.seen, self.sigma,
-                  self.radius_uncertainty, self.tilt_uncertainty)  # fmt: skip
-        sizes = (self.radius, self.sigma, self.radius_uncertainty, self.tilt_uncertainty)
+                  self.radius_uncertainty, self.tilt_uncertainty, self.offset_uncertainty)  # fmt: skip
+        sizes = (self.radius, self.sigma, self.radius_uncertainty, self.tilt_uncertainty, self.offset_uncertainty)
         if not (np.abs(values) < _LARGEST).all() or min(sizes) < 0:
             raise InputError(f"a fit of kind {self.kind!r} has a value that is no finite number, too large, or below 0")
         if abs(float(np.linalg.norm(self.direction)) - 1.0) > 1e-6:
@@ -97,18 +100,20 @@ def _value(kind: str, grown: "Grown", click: np.ndarray) -> Fit:
     from .surfaces import Cylinder
 
     fit, surface, points = grown.fit, grown.fit.surface, grown.points.xyz
-    foot = surface.place - (surface.place @ surface.direction) * surface.direction  # on the axis, nearest to the click
     if not isinstance(surface, Cylinder):
-        foot = -surface.distances(np.zeros((1, 3)))[0] * surface.direction
+        foot = surface.place
         reach = float(np.quantile(np.linalg.norm(points - foot, axis=1), 0.9))
-        low, high, radius, seen, unsure = -reach, reach, 0.0, 0.0, 0.0
+        low, high, radius, seen, unsure, offset = -reach, reach, 0.0, 0.0, 0.0, float(fit.expanded("offset"))
     else:
+        foot = surface.place - (surface.place @ surface.direction) * surface.direction  # on the axis, nearest to the click
         along = (points - foot) @ surface.direction
         low, high, radius = float(along.min()), float(along.max()), float(surface.radius)
         seen, unsure = _seen(surface.unrolled(points)[:, 0] / surface.circumference), fit.expanded("radius")
+        offset = 0.0
     tilt = float(np.degrees(fit.expanded("tilt"))) if "tilt" in surface.parameters else 0.0
     place, direction = vector(click + foot), vector(surface.direction)
-    return Fit(kind, place, direction, radius, low, high, seen, float(fit.sigma), len(points), float(unsure), tilt)
+    return Fit(kind, place, direction, radius, low, high, seen, float(fit.sigma), len(points), float(unsure), tilt,
+               offset)
 
 
 def _seen(turns: np.ndarray) -> float:

@@ -190,21 +190,24 @@ def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest
         elif abs(piece.area - before) <= SETTLED * piece.area:
             break
         before = piece.area
-    return _facing(surface, points, cell, around, sigma)
+    return _facing(in_box, surface, points, cell, half, around, sigma)
 
 
-def _facing(surface: Surface, points: Points, cell: float, around: _Around, sigma: float) -> Grown:
+def _facing(in_box: InBox, surface: Surface, points: Points, cell: float, half: float, around: _Around, sigma: float) -> Grown:
     """Leaves out the points of a piece that lie on something else that crosses or touches the surface, whose normals differ,
     and what is joined to the click through them only.  Raises NoFit, ValueError."""
-    some = points.xyz[:: max(len(points) // _FACING_POINTS, 1)]
-    tree, here = KDTree(some), spacing_of(some)
-    normals = normals_of(some, tree, max(2.5 * here, 3.0 * sigma), here)
+    # Normals of all that is there: those of the piece alone would be its own, in the strip of a wall beside a floor, too.
+    everything = _window(in_box, surface, half, max(cell, WITHIN * sigma))[0].xyz
+    some, here = points.xyz[:: max(len(points) // _FACING_POINTS, 1)], spacing_of(everything)
+    normals = normals_of(everything, KDTree(everything), max(2.5 * here, 3.0 * sigma), here, some)
     faces = np.abs(np.einsum("ni,ni->n", normals, surface.normals(some))) > _FACING
-    points = points.where(faces[np.asarray(tree.query(points.xyz)[1])])
+    points = points.where(faces[np.asarray(KDTree(some).query(points.xyz)[1])])
     at = surface.unrolled(np.zeros((1, 3)))[0]
     points = points.where(connected(surface.unrolled(points.xyz), at, cell, surface.circumference, (np.inf, np.inf)).of_points)
     if len(points) < FEWEST:
         raise NoFit(f"{len(points)} points lie on it, {FEWEST} are needed")
+    if isinstance(surface, Plane):
+        surface = surface.at(points.xyz.mean(axis=0))
     return Grown(fitted(surface, points.xyz, 0.25 * around.noise, sigma), points, around.noise, around.spacing)
 
 

@@ -43,9 +43,10 @@ def noise_of(points: np.ndarray, tree: KDTree, near: np.ndarray) -> float:
     return float(np.median(found))
 
 
-def normals_of(points: np.ndarray, tree: KDTree, radius: float, spacing: float) -> np.ndarray:
-    """(n, 3) unit normals, of either sign, of the planes through the neighbours within about ``radius``."""
+def normals_of(points: np.ndarray, tree: KDTree, radius: float, spacing: float, at: np.ndarray | None = None) -> np.ndarray:
+    """(n, 3) unit normals, of either sign, of the planes through the neighbours within about ``radius``.  at: (n, 3) places;
+    None: at the points themselves."""
     k = int(np.clip(np.pi * (radius / max(spacing, 1e-300)) ** 2, FEWEST, MOST_NEIGHBOURS))
-    around = points[np.asarray(tree.query(points, min(k, len(points)))[1])]
+    around = points[np.asarray(tree.query(points if at is None else at, min(k, len(points)))[1])]
     around = around - around.mean(axis=1, keepdims=True)
     return np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, 0]

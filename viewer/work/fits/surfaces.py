@@ -53,6 +53,10 @@ class Plane:
         tilted = normal + change[1] * u + change[2] * v
         return replace(self, place=self.place + change[0] * normal, direction=tilted / np.linalg.norm(tilted))
 
+    def at(self, place: np.ndarray) -> Self:
+        """The same plane, given at the foot of a place (3,).  At the middle of its points offset and tilt are independent."""
+        return replace(self, place=place - self.distances(place[None])[0] * self.direction)
+
 
 @dataclass(frozen=True, eq=False)
 class Cylinder:

@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....work.fits.surfaces import frame_of
-from ....work.measure import Measurement, fitted_plane, value_text
+from ....work.measuring.measure_text import value_text
+from ....work.measuring.measurement import Measurement
+from ....work.measuring.planes import on_plane
+from ....work.measuring.values import evaluate, fitted_plane
 from ..editing import unit_of
 from ..tool import Overlay, ToolContext
 
 if TYPE_CHECKING:
     from ....work.fits.fit import Fit
+    from ....work.measuring.measurement import MeasuredPoint
     from ...kit.overlay import OverlayCanvas
 
 _ROUND = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
@@ -20,6 +24,10 @@ _LINES_ALONG = 4  # drawn along a pipe
 def label_place(measurement: Measurement) -> np.ndarray:
     """(3,) file coordinates: where the value is written."""
     points = np.array([point.position for point in measurement.points])
+    if (place := evaluate(measurement).place) is not None:
+        return np.array(place)
+    if (way := _way(measurement)) is not None:
+        return way.mean(axis=0)
     if measurement.kind == "angle":
         return points[1]
     if measurement.kind == "polyline":
@@ -30,9 +38,17 @@ def label_place(measurement: Measurement) -> np.ndarray:
 def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: str, colour: str) -> None:
     """Lines, points and the value of a measurement, over the picture."""
     points = np.array([point.position for point in measurement.points])
-    if measurement.fit is not None:
-        _draw_fit(overlay, measurement.fit, colour)
-        overlay.label(label_place(measurement), text)
+    if measurement.fits:
+        at = label_place(measurement)
+        for fit in measurement.fits:
+            _draw_fit(overlay, fit, colour)
+        if measurement.kind == "corner":
+            for point in points:
+                overlay.polyline([at, point], colour, 1.0)
+            overlay.marker(at, colour, 5.0)
+        elif (way := _way(measurement)) is not None:
+            overlay.polyline(way, colour)
+        overlay.label(at, text)
     elif measurement.kind == "height":
         up = np.array(measurement.up)
         corner = points[0] + up * ((points[1] - points[0]) @ up)  # above or below the first, as high as the second
@@ -50,6 +66,27 @@ def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: s
         overlay.label(label_place(measurement), text)
     for point in points:
         overlay.marker(point, colour, 4.0)
+
+
+def draw_begun(overlay: "OverlayCanvas", points: "list[MeasuredPoint]", colour: str) -> None:
+    """The points of a measurement that is not ended, what is fitted at them, and a line through them where nothing is."""
+    for point in points:
+        overlay.marker(point.position, colour, 4.0)
+        if point.fit is not None:
+            _draw_fit(overlay, point.fit, colour)
+    if not any(point.fit for point in points):
+        overlay.polyline([point.position for point in points], colour)
+
+
+def _way(measurement: Measurement) -> np.ndarray | None:
+    """(2, 3) the shortest way from the second point to the first plane, of distances from a plane; None of others."""
+    if measurement.kind not in ("point to plane", "plane to plane"):
+        return None
+    first, second = measurement.points
+    begin = np.array(second.position) if second.fit is None else on_plane(second)
+    assert first.fit is not None
+    normal = np.array(first.fit.direction)
+    return np.array([begin, begin - ((begin - np.array(first.fit.place)) @ normal) * normal])
 
 
 def _draw_fit(overlay: "OverlayCanvas", fit: "Fit", colour: str) -> None:

@@ -1,4 +1,4 @@
-"""Measure: distance, polyline, height difference, angle and area between measured points; the plane, pipe or circle at one.
+"""Measure: distances, heights, angles and areas between measured points and fitted planes; the plane, pipe or circle at one.
 
 Points snap to measured points only.  A stored measurement is drawn by the overlay whichever tool is selected; all of it is
 in the document, so it is undone, saved and exported with it.
@@ -10,28 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....common.errors import PointglassError
+from ....common.errors import InputError, PointglassError
 from ....common.text import counted
 from ....work.document import replaced, unique_name, without
-from ....work.measure import (
-    FITTED,
-    KINDS,
-    Begun,
-    MeasuredPoint,
-    Measurement,
-    components,
-    components_text,
-    evaluate,
-    fit_text,
-    text_of,
-    value_text,
-)
-from ....work.measure_table import write_csv
+from ....work.measuring.measure_table import write_csv
+from ....work.measuring.measure_text import components_text, fit_text, text_of, value_text
+from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
+from ....work.measuring.values import components, evaluate
 from ....work.places.pick import Picked
 from ...saving.capture import name_kept
 from ..editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
-from .drawing import draw_measurement
+from .drawing import draw_begun, draw_measurement
 from .fitting import Fitting
 
 if TYPE_CHECKING:
@@ -46,7 +36,7 @@ class Measure(Tool):
     What is not ended stays while another tool is selected, and goes on when this one is again."""
 
     name, label, letter, key = "measure", "Measure", "M", "T"
-    help = "measure between points, or the plane, pipe or circle at a point"
+    help = "measure between points and planes, or a pipe or circle"
     cursor = "crosshair"
     takes_clicks = picks = True
 
@@ -74,18 +64,23 @@ class Measure(Tool):
             context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
-        if self.points and self.points[-1].position in (picked.position, taken.position):
+        before = [*self.points, *self._fitting.points]
+        if before and before[-1].position in (picked.position, taken.position):
             context.toast("This is the point that was set before: click another one")
             return False
         if taken.note is not None:
             context.toast(taken.note)
-        if self.kind in FITTED:
-            self._fitting.start(context, self.kind, measured_point(context, taken))
-            return False
-        self.points.append(measured_point(context, taken))
+        point = measured_point(context, taken)
+        if self._fitting.points or KINDS[self.kind].surface(len(self.points)) is not None:
+            self._fitting.add(context, self.kind, point)
+        else:
+            self._set(point, context)
+        return False
+
+    def _set(self, point: MeasuredPoint, context: ToolContext) -> None:
+        self.points.append(point)
         if len(self.points) == KINDS[self.kind].most:
             self._finish(context)
-        return False
 
     def _arrived(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
         """The place in the file of a picked point is there: also where its measurement has been ended, or undone, meanwhile.
@@ -108,6 +103,8 @@ class Measure(Tool):
         """Keeps the points that are set among the work of the window, and takes those that an autosave has kept."""
         work = context.session.work
         if work.history is not self._history:
+            if self._history is not None:
+                self._fitting.stop()
             self._history, begun = work.history, work.begun
             if self._export is not None:  # its points are no longer read
                 self._end_export()
@@ -121,15 +118,19 @@ class Measure(Tool):
         self._take_fitted(context)
 
     def _take_fitted(self, context: ToolContext) -> None:
-        """The surface of a click has been found."""
-        if (found := self._fitting.taken(context)) is not None and found.fit is not None:
-            self._add(found.fit.kind, (found,), context)
+        """Surfaces of clicks have been found."""
+        while (found := self._fitting.taken(context, len(self.points))) is not None:
+            kind, point = found
+            if KINDS[kind].most == 1:
+                self._add(kind, (point,), context)
+            elif kind == self.kind:
+                self._set(point, context)
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
-        if event.key == "ESCAPE" and event.kind == "press" and self._fitting.point is not None:
+        if event.key == "ESCAPE" and event.kind == "press" and self._fitting.points:
             self._fitting.stop()
             return True
-        if event.kind == "release" or not self.points:
+        if event.kind == "release" or not (self.points or self._fitting.points):
             return False
         if event.key in ("ENTER", "KP_ENTER"):
             self._finish(context)
@@ -144,15 +145,22 @@ class Measure(Tool):
         return True
 
     def _change_kind(self, kind: str, context: ToolContext) -> None:
-        """Measures another kind from now on, from the points that are set, as far as it has room for them."""
-        most = KINDS[kind].most
-        if most is not None and len(self.points) >= most:
-            context.toast(f"{KINDS[self.kind].name}: {counted(len(self.points), 'point')} given up, not ended")
+        """Measures another kind from now on, from the points that are set, as far as it has room and use for them."""
+        new = KINDS[kind]
+        fitting = [] if KINDS[self.kind].most == 1 else self._fitting.of(self.kind)
+        alike = all((point.fit and point.fit.kind) == new.surface(number) for number, point in enumerate(self.points))
+        if fitting or (self.points and not (alike and (new.most is None or len(self.points) < new.most))):
+            placed = len(self.points) + len(fitting)
+            context.toast(f"{KINDS[self.kind].name}: {counted(placed, 'point')} given up, not ended")
             self.points.clear()
+            if fitting:
+                self._fitting.drop(self.kind)
         self.kind = kind
 
     def _drop_last(self) -> None:
-        if self.points:
+        if self._fitting.points:
+            self._fitting.drop_last()
+        elif self.points:
             self.points.pop()
 
     def _finish(self, context: ToolContext) -> None:
@@ -168,46 +176,47 @@ class Measure(Tool):
     def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext) -> None:
         document = context.document
         name = unique_name(KINDS[kind].name, (item.name for item in document.measurements))
-        made = Measurement(kind, points, name, document.up)
+        try:
+            made = Measurement(kind, points, name, document.up)
+        except InputError as error:  # of planes that have no corner
+            context.toast(str(error))
+            return
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
 
     def hint(self, context: ToolContext) -> str:
-        kind, placed = KINDS[self.kind], len(self.points)
-        if self._fitting.point is not None:
-            return "Fitting…  ·  Esc gives up"
+        kind = KINDS[self.kind]
+        placed = len(self.points) + (len(self._fitting.of(self.kind)) if kind.most != 1 else 0)
+        click = f"Click {kind.click(placed)}"
+        if self._fitting.points:
+            more = f"  ·  {click}" if 0 < placed < (kind.most or 0) else ""
+            return f"Fitting…{more}  ·  Esc gives up"
         if not placed:
-            known = self.kind not in FITTED or any(item.kind == self.kind for item in context.document.measurements)
-            return "" if known and context.document.measurements else f"Click {kind.click}"
-        if self.kind == "angle":
-            click = "Click the corner" if placed == 1 else "Click the end of the other side"
-        else:
-            click = "Click the second point" if kind.most == 2 else "Click the next point"
+            known = not kind.surfaces or any(item.kind == self.kind for item in context.document.measurements)
+            return "" if known and context.document.measurements else click
         ends = "  ·  Enter ends" if kind.most is None and placed >= kind.fewest else ""
         return f"{click}{ends}  ·  Backspace takes one back  ·  Esc gives up"
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         hovered = context.session.work.under_pointer
-        points = list(self.points)
-        if (fitted := self._fitting.point) is not None:
-            overlay.marker(fitted.position, "warn", 4.0)
+        points, kind = list(self.points), KINDS[self.kind]
+        for waiting in self._fitting.points:
+            overlay.marker(waiting.position, "warn", 4.0)
         if hovered is not None:
             overlay.marker(hovered.position, "warn", 5.0, "ring")
-            points.append(MeasuredPoint(hovered.position))
+            if kind.surface(len(points)) is None:
+                points.append(MeasuredPoint(hovered.position))
         if not self.points:
             return
-        kind = KINDS[self.kind]
         if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
             made = Measurement(self.kind, tuple(points), "", context.document.up)
             result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
             draw_measurement(overlay, made, text_of(result, unit_of(context)), "warn")
         else:
-            overlay.polyline([point.position for point in points], "warn")
-            for point in points:
-                overlay.marker(point.position, "warn", 4.0)
+            draw_begun(overlay, points, "warn")
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         ui.set_next_item_width(-1)
-        if ui.begin_combo("##kind", KINDS[self.kind].name):
+        if ui.begin_combo("##kind", KINDS[self.kind].name, ui.ComboFlags_.height_largest):  # all kinds, without scrolling
             for name, kind in KINDS.items():
                 if ui.selectable(kind.name, self.kind == name)[0] and name != self.kind:
                     self._change_kind(name, context)
@@ -244,8 +253,8 @@ class Measure(Tool):
             if ui.is_item_hovered():
                 ui.set_tooltip("Delete this measurement")
             ui.text_wrapped(value_text(item, unit_of(context)))
-            if item.fit is not None:
-                ui.text_wrapped(fit_text(item, unit_of(context)))
+            if about := fit_text(item, unit_of(context)):
+                ui.text_wrapped(about)
             if (parts := components(item)) is not None:
                 ui.text_wrapped(components_text(parts, unit_of(context)))
             if item.kind == "area":

@@ -5,41 +5,50 @@ import io
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...model.common.files.atomic_write import write_atomic
-from ..common.errors import InputError
-from ..common.text import exact_text
-from .measure import Measurement, components, evaluate, unit_name
+from ....model.common.files.atomic_write import write_atomic
+from ...common.errors import InputError
+from ...common.text import exact_text
+from .measure_text import unit_name
+from .measurement import MeasuredPoint, Measurement
+from .values import components, evaluate
 
 PARTS = ("horizontal", "vertical", "dx", "dy", "dz")
 OF_FIT = ("place_x", "place_y", "place_z", "direction_x", "direction_y", "direction_z", "length", "seen_degrees", "points")
-"""Of a fitted surface: a place on the plane or on the axis, and its normal or the direction of the axis."""
+"""Of the surface fitted at a point: a place on the plane or on the axis, and its normal or the direction of the axis."""
+FOUND = ("found_x", "found_y", "found_z")
+"""The place that a measurement has found, of a corner; it has no value then."""
 COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan",
-           *PARTS, *OF_FIT)
+           *PARTS, *OF_FIT, *FOUND)
 
 
 def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
-    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each, and of a
-    distance its parts."""
+    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point with the surface fitted there; in the first
+    of each measurement the value, the parts of a distance, and the place found."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(COLUMNS)
     unit = unit_name(metres_per_unit)
     for measurement in measurements:
         result = evaluate(measurement)
-        head = [measurement.name, measurement.kind, exact_text(result.value), exact_text(result.uncertainty),
-                "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", exact_text(result.residual)]
+        value = exact_text(result.value) if result.place is None else ""
+        head = [measurement.name, measurement.kind, value, exact_text(result.uncertainty),
+                {0: "deg", 1: unit, 2: f"{unit}^2", None: unit}[result.power],
+                exact_text(result.residual)]
         parts = components(measurement)
         of_it = [""] * len(PARTS) if parts is None else [*map(exact_text, (parts.horizontal, parts.vertical, *parts.along))]
-        of_it += _of_fit(measurement)
+        found = [""] * len(FOUND) if result.place is None else [*map(exact_text, result.place)]
         for number, point in enumerate(measurement.points, 1):
-            first, last = (head, of_it) if number == 1 else ([*head[:2], *[""] * 4], [""] * len(of_it))
-            place = map(exact_text, point.position)
-            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan, *last])
+            first = number == 1
+            writer.writerow([
+                *head[:2], *(head[2:] if first else [""] * 4), number, *map(exact_text, point.position),
+                exact_text(point.spacing), exact_text(point.noise), point.scan, *(of_it if first else [""] * len(of_it)),
+                *_of_fit(point), *(found if first else [""] * len(found)),
+            ])  # fmt: skip
     return out.getvalue()
 
 
-def _of_fit(measurement: Measurement) -> list[str]:
-    if (fit := measurement.fit) is None:
+def _of_fit(point: MeasuredPoint) -> list[str]:
+    if (fit := point.fit) is None:
         return [""] * len(OF_FIT)
     length = "" if fit.kind == "plane" else exact_text(fit.high - fit.low)
     seen = "" if fit.kind == "plane" else exact_text(fit.seen)

@@ -1,0 +1,74 @@
+"""Measurements as a person reads them: with the digits that their uncertainty supports, and the unit of the file."""
+
+import math
+
+import numpy as np
+
+from .measurement import KINDS, Measurement
+from .planes import edge_angle
+from .values import Components, Result, evaluate
+
+
+def unit_name(metres_per_unit: float | None) -> str:
+    """The file's unit: m, ft, mm, ... or ``units`` where the file does not say."""
+    if metres_per_unit is None:
+        return "units"
+    known = {1.0: "m", 0.3048: "ft", 1200 / 3937: "ftUS", 0.001: "mm", 0.01: "cm", 0.0254: "in", 1000.0: "km"}
+    for size, name in known.items():
+        if abs(metres_per_unit - size) <= 1e-9 * size:
+            return name
+    return f"x {metres_per_unit:g} m"
+
+
+def unit_text(power: int | None, unit: str) -> str:
+    """The unit of a value: degrees for power 0; of a place that of a length."""
+    return {0: "°", 1: unit, 2: f"{unit}²", None: unit}[power]
+
+
+def text_of(result: Result, unit: str) -> str:
+    """``3.998 ± 0.006 m``: as many digits as the uncertainty supports, at least three significant ones of the value.  Of a
+    place ``x 3.998, y 1.203, z 0.004 ± 0.006 m``."""
+    digits = _decimals(result)
+    gap = "" if result.power == 0 else " "
+    known = f" ± {result.uncertainty:.{digits}f}" if result.uncertainty > 0 else ""
+    value = f"{result.value:.{digits}f}"
+    if result.place is not None:
+        value = ", ".join(f"{axis} {along:.{digits}f}" for axis, along in zip("xyz", result.place, strict=True))
+    return f"{value}{known}{gap}{unit_text(result.power, unit)}"
+
+
+def value_text(measurement: Measurement, unit: str) -> str:
+    """The value of a measurement as it is written beside it: ``Ø 0.1142 ± 0.0004 m``."""
+    return KINDS[measurement.kind].before + text_of(evaluate(measurement), unit)
+
+
+def components_text(parts: Components, unit: str) -> str:
+    """Two lines, ``horizontal 3.998, vertical -0.012 m`` and ``dx 3.101, dy 2.523, dz -0.012 m``, with the digits of
+    :func:`text_of`: the uncertainty of each is that of the distance."""
+    digits = _decimals(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1))
+    horizontal, vertical, dx, dy, dz = (f"{value:.{digits}f}" for value in (parts.horizontal, parts.vertical, *parts.along))
+    return f"horizontal {horizontal}, vertical {vertical} {unit}\ndx {dx}, dy {dy}, dz {dz} {unit}"
+
+
+def fit_text(measurement: Measurement, unit: str) -> str:
+    """One line or two about fitted surfaces; "" of other kinds."""
+    if not measurement.fits:
+        return ""
+    sigmas = ", ".join(f"{fit.sigma:.2g}" for fit in measurement.fits)
+    scatter = f"scatter {sigmas} {unit} (1 sigma), {sum(fit.count for fit in measurement.fits):,} points used"
+    if measurement.kind == "plane to plane":
+        first, second = measurement.points
+        apart = edge_angle(first, second)
+        unsure = math.hypot(*(fit.tilt_uncertainty for fit in measurement.fits))
+        return f"{text_of(Result(min(apart, 180.0 - apart), unsure, 0), unit)} from parallel\n{scatter}"
+    fit = measurement.fit
+    if fit is None or fit.kind == "plane":
+        return scatter
+    upright = f"{fit.tilt(measurement.up):.1f}° from upright, {fit.seen:.0f}° of its round seen"
+    return f"{f'length {fit.high - fit.low:.3f} {unit}, ' if fit.kind == 'pipe' else ''}{upright}\n{scatter}"
+
+
+def _decimals(result: Result) -> int:
+    """Decimals such that the uncertainty has one digit or two."""
+    scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
+    return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))
