@@ -239,6 +239,32 @@ def check_two_planes_clicked_in_quick_succession_are_both_fitted(p: Person, fold
     p.key("Escape")
 
 
+def check_saving_waits_for_a_plane_that_is_fitted_and_leaving_asks(p: Person, folder: Path) -> None:
+    session, tool, projects = p.d.session, tool_of(p, "measure"), p.d.app.projects
+    project = folder / "scans" / "walls.pointglass"
+    p.d.drop(write_ply(folder / "scans" / "walls.ply", points=100_000))
+    p.opened("walls.ply")
+    tool.kind = "plane"
+    p.key("t")
+    left, top, width, height = (*session.area.origin, *session.area.size)
+    usual = projects.__dict__.pop("leave")  # the driver's asks nothing
+    with held(fitting, "fit_at"):
+        xdo("mousemove", round(left + width * 0.5), round(top + height * 0.5))
+        p.d.rest()
+        xdo("click", 1)
+        p.d.until(lambda: bool(tool._fitting.points))
+        xdo("key", "ctrl+q")
+        p.d.until(lambda: session.notices.message is not None or p.d.app.closing)
+        assert session.notices.message and session.notices.message.title == "Give up the measurement that is not ended?"
+        p.key("Escape", "ctrl+s")
+        assert not p.d.app.closing and not project.exists()
+    p.d.until(project.exists)
+    assert len(read_project(project).measurements) == 1 and not projects.changed
+    projects.leave = usual
+    tool.kind = "distance"
+    p.key("Escape")
+
+
 def check_a_scan_that_is_left_out_while_it_is_away_is_shown_when_it_is_back(p: Person, folder: Path) -> None:
     there, gone = (write_ply(folder / "scans" / f"{name}.ply", away) for name, away in (("there", 0.0), ("gone", 6.0)))
     project, away = folder / "scans" / "pair.pointglass", folder / "away.ply"

@@ -139,6 +139,7 @@ class Tool:
     takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
     picks: whether a click asks what lies under the pointer: it then waits until the picture is at rest.
     wanted: what it had begun was restored: it is to be selected.
+    answering: whether what a click makes of the document is still being worked out.
     """
 
     name = ""
@@ -150,6 +151,7 @@ class Tool:
     takes_clicks = False
     picks = False
     wanted = False
+    answering = False
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         """Handles an event.  Returns True where the tool used it; otherwise Fly receives it.
@@ -244,6 +246,11 @@ class Toolbox:
                 self.active.key_event(event, context)
             else:
                 self.active.pointer(replace(event, position=at or event.position), context)
+
+    @property
+    def answering(self) -> bool:
+        """Whether a click is not answered yet: it may still change the document."""
+        return bool(self._waiting) or any(tool.answering for tool in self.tools)
 
     @property
     def unfinished(self) -> list[str]:

@@ -49,6 +49,10 @@ class WaitingClicks(Generic[Event]):
     def __init__(self) -> None:
         self._events: list[tuple[Event, Place | None, Camera, float]] = []
 
+    def __bool__(self) -> bool:
+        """Whether an event waits."""
+        return bool(self._events)
+
     def keeps(self, event: Event, context: Host, at: Place | None = None) -> bool:
         """Whether an event waits; it is kept then.  at: the click's place in the picture; None: a key, which waits only behind
         a click."""

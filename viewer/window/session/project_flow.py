@@ -49,10 +49,12 @@ class _Saving:
 
 
 class ProjectFlow:
-    """offers: unsaved work of windows that are gone, which nobody has restored or discarded."""
+    """offers: unsaved work of windows that are gone, which nobody has restored or discarded.
+    answering: whether a click is not answered yet, which may change the document."""
 
-    def __init__(self, session: Session, files: FileDialogs, wake: Callable[[], None]):
-        self._session, self._files = session, files
+    def __init__(self, session: Session, files: FileDialogs, wake: Callable[[], None],
+                 answering: Callable[[], bool] = lambda: False):
+        self._session, self._files, self._answering = session, files, answering
         self.autosave = Autosave(wake)
         self.offers: list[Recoverable] = []
         self._offered: set[Path] = set()
@@ -167,11 +169,12 @@ class ProjectFlow:
         self._files.save("projects", "Save the project", name, _KIND, lambda chosen: self._write(chosen, then))
 
     def _write(self, path: Path, then: Callable[[], object]) -> None:
-        """Saves; where points are still being read from their files, once they have come."""
+        """Saves; where points are still being read from their files, or a click is not answered yet, once that is done."""
         work, self._saving = self._session.work, None
-        if work.exact_points.busy:
+        if work.exact_points.busy or self._answering():
+            what = "the points have been read from their file" if work.exact_points.busy else "what was clicked is measured"
             self._saving = _Saving(path, then, work.history, monotonic() + READING_S, digest_of(path))
-            self._session.notices.toast("Saving once the points have been read from their file…")
+            self._session.notices.toast(f"Saving once {what}…")
         else:
             self._write_now(path, then)
 
@@ -184,7 +187,8 @@ class ProjectFlow:
         if self._closed_with == before:
             self._closed_with = self._content
         waiting = self._saving
-        if waiting is not None and (not work.exact_points.busy or monotonic() >= waiting.until):
+        if waiting is not None and (
+                not (work.exact_points.busy or self._answering()) or monotonic() >= waiting.until):
             self._saving = None
             if waiting.history is not work.history:
                 return
@@ -218,8 +222,8 @@ class ProjectFlow:
     def leave(self, then: Callable[[], object]) -> None:
         """Calls ``then``, which leaves the work that is open: closes the window or the scan, or opens something else.  Asks
         first where work is not saved, and where a measurement is not ended, which no project keeps."""
-        content, begun = self._content, self._session.work.begun
-        if not self.at_stake or self._session.scene is None:
+        content, begun, answering = self._content, self._session.work.begun, self._answering()
+        if not (self.at_stake or answering) or self._session.scene is None:
             then()
             return
 
@@ -233,6 +237,9 @@ class ProjectFlow:
             more = f", and a measurement of {begun.kind} that is not ended" if begun is not None else ""
             ask(f"Save the changes to {self.name}?", f"Discard loses everything since the last save{more}.", (
                 Answer("Save", lambda: self.save(lambda: self.leave(then))), Answer("Discard", give_up), Answer("Cancel")))
+        elif answering:
+            ask("Give up the measurement that is not ended?", "What was clicked last is being measured. Leaving loses it.", (
+                Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip
         elif begun is not None:
             ask("Give up the measurement that is not ended?",
                 f"{begun.kind.capitalize()}: {counted(len(begun.points), 'point')} set. Leaving loses them; "
@@ -254,7 +261,7 @@ class ProjectFlow:
     def may_replace(self, loaded: Loaded) -> bool:
         """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""
         session = self._session
-        if session.keeps_work(loaded) or not self.at_stake:
+        if session.keeps_work(loaded) or not (self.at_stake or self._answering()):
             return True
         return self._given_up == self._content
 

@@ -61,10 +61,13 @@ class Fitting:
 
     def taken(self, context: "ToolContext", placed: int) -> tuple[str, MeasuredPoint] | None:
         """The kind and the next point with its surface, once, when that has been found; None where there is none yet.
-        placed: how many points of a measurement of several surfaces are set.  Says so where nothing can be fitted, and drops
-        what belongs to a scan that is not shown any more."""
-        if self._scene is not None and self._scene() is not context.scene:
+        placed: how many points of a measurement of several surfaces are set.  Says so where nothing can be fitted.  Where all
+        points have taken the place of a preview meanwhile, surfaces are fitted to them."""
+        if context.scene is None:
             self.stop()
+        elif self._scene is not None and self._scene() is not context.scene:
+            self._end_worker()
+            self._scene = weakref.ref(context.scene)
         while self._waiting:
             kind, point = self._waiting[0]
             surface = KINDS[kind].surface(placed if KINDS[kind].most != 1 else 0)

@@ -73,6 +73,7 @@ class Measure(Tool):
         point = measured_point(context, taken)
         if self._fitting.points or KINDS[self.kind].surface(len(self.points)) is not None:
             self._fitting.add(context, self.kind, point)
+            self.answering = True
         else:
             self._set(point, context)
         return False
@@ -116,6 +117,7 @@ class Measure(Tool):
         if begun != work.begun:
             work.begun = begun
         self._take_fitted(context)
+        self.answering = bool(self._fitting.points)
 
     def _take_fitted(self, context: ToolContext) -> None:
         """Surfaces of clicks have been found."""
