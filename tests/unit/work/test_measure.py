@@ -10,7 +10,9 @@ from documents import random_fit, random_fits
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
-from pointglass.viewer.work.measuring.measure_table import COLUMNS, FOUND, OF_FIT, csv_text, write_csv
+from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.work.measuring.measure_files import write_measurements
+from pointglass.viewer.work.measuring.measure_table import COLUMNS, FOUND, OF_FIT, csv_text
 from pointglass.viewer.work.measuring.measure_text import components_text, fit_text, text_of, unit_name, value_text
 from pointglass.viewer.work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
 from pointglass.viewer.work.measuring.values import components, evaluate
@@ -148,7 +150,7 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
         points = [MeasuredPoint(at, 0.0, 1e-2, fit=fit) for at, fit in zip(places, random_fits(random, kind), strict=True)]
         made.append(Measurement(kind, tuple(points), kind))
     made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
-    write_csv(tmp_path / "m.csv", made, 0.3048)
+    write_measurements(tmp_path / "m.csv", made, ScanDescription(units="foot", metres_per_unit=0.3048))
     text = (tmp_path / "m.csv").read_bytes().decode()
     assert text == csv_text(made, 0.3048) and "np." not in text
     rows = list(csv.DictReader(io.StringIO(text, newline="")))

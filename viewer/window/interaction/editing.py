@@ -9,6 +9,7 @@ import numpy as np
 
 from ...common.errors import PointglassError
 from ...picture.clip import contains
+from ...preprocess.scan_description import ScanDescription
 from ...work.measuring.measure_text import unit_name
 from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
@@ -80,9 +81,14 @@ def unit_of(context: "ToolContext") -> str:
     return unit_name(metres_per_unit(context))
 
 
+def facts_of(context: "ToolContext") -> ScanDescription:
+    """Of the scan shown: unit and reference system as the person assigned them, else as the file says."""
+    return context.session.work.facts(context.scene.meta) if context.scene is not None else ScanDescription()
+
+
 def metres_per_unit(context: "ToolContext") -> float | None:
-    """Of the scan shown: as the person assigned it, else as the file says; None where neither does."""
-    return context.session.work.facts(context.scene.meta).metres_per_unit if context.scene is not None else None
+    """Of the scan shown; None where it is not known."""
+    return facts_of(context).metres_per_unit
 
 
 def drawn_points(context: "ToolContext") -> "Kept | None":

@@ -3,10 +3,7 @@
 import csv
 import io
 from collections.abc import Iterable
-from pathlib import Path
 
-from ....model.common.files.atomic_write import write_atomic
-from ...common.errors import InputError
 from ...common.text import exact_text
 from .measure_text import unit_name
 from .measurement import MeasuredPoint, Measurement
@@ -53,12 +50,3 @@ def _of_fit(point: MeasuredPoint) -> list[str]:
     length = "" if fit.kind == "plane" else exact_text(fit.high - fit.low)
     seen = "" if fit.kind == "plane" else exact_text(fit.seen)
     return [*map(exact_text, (*fit.place, *fit.direction)), length, seen, str(fit.count)]
-
-
-def write_csv(path: Path, measurements: Iterable[Measurement], metres_per_unit: float | None) -> None:
-    """Writes :func:`csv_text`; an older file stays on failure.  Raises InputError naming the file."""
-    text = csv_text(measurements, metres_per_unit)
-    try:
-        write_atomic(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=path, remedy="save it elsewhere") from None

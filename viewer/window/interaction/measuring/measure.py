@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from ....common.errors import InputError, PointglassError
 from ....common.text import counted
 from ....work.document import replaced, unique_name, without
-from ....work.measuring.measure_table import write_csv
+from ....work.measuring.measure_files import ENDINGS, write_measurements
 from ....work.measuring.measure_text import components_text, fit_text, text_of, value_text
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
 from ....work.measuring.values import components, evaluate
 from ....work.places.pick import Picked
 from ...saving.capture import name_kept
-from ..editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
+from ..editing import Pointing, edit, facts_of, measured_point, step, unit_of
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .drawing import draw_begun, draw_measurement
 from .fitting import Fitting
@@ -266,9 +266,11 @@ class Measure(Tool):
                 edit(context, f"Delete {item.name}", measurements=without(found, number))
                 return
         ui.separator()
-        if ui.button("Export as CSV…"):
-            context.files.save("measurements", "Export the measurements", "measurements.csv", {"CSV table": (".csv",)},
+        if ui.button("Export…"):
+            context.files.save("measurements", "Export the measurements", "measurements.csv", ENDINGS,
                                lambda path: self.export(context, path))
+        if ui.is_item_hovered():
+            ui.set_tooltip(f"As {', '.join(ENDINGS)}")
 
     def export(self, context: ToolContext, path: Path) -> None:
         """Writes all measurements to ``path``, in the file's units, when the points that are being read are there; says where,
@@ -294,7 +296,7 @@ class Measure(Tool):
 
     def _write(self, context: ToolContext, path: Path) -> None:
         try:
-            write_csv(path, context.document.measurements, metres_per_unit(context))
+            write_measurements(path, context.document.measurements, facts_of(context))
         except PointglassError as error:
             context.session.notices.say("The measurements cannot be exported", error)
         else:
