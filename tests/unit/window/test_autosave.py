@@ -156,6 +156,28 @@ def test_restored_work_is_unsaved_and_its_autosave_goes_on(window, tmp_path):
     assert not window.flow.changed and window.session.document.measurements == ()
 
 
+def test_restored_work_that_is_saved_is_not_offered_again_after_a_full_disk(window, tmp_path, monkeypatch):
+    left = Autosave()
+    left.follow(UnsavedWork(dataclasses.replace(window.session.document, measurements=(TAPE,)), title="room.ply"))
+    left.close(keep=True)
+    (file,) = autosaves(tmp_path)
+
+    def full(path, text):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "write_durably", full)
+    window.flow.look_for_offers()
+    window.flow.follow()
+    window.answer("Restore")
+    window.edit(clips=(BOX,))
+    until(lambda: window.flow.autosave.problem)
+    assert held(file).measurements == (TAPE,), "what was there before stays until it is saved"
+    window.flow.save()
+    window.flow.follow()
+    window.flow.close()
+    assert not autosaves(tmp_path) and not window.flow.changed
+
+
 def test_offers_are_made_once_and_discarded_only_after_a_question(window, tmp_path):
     left = Autosave()
     left.follow(UnsavedWork(dataclasses.replace(window.session.document, measurements=(TAPE,)), title="room.ply"))

@@ -113,18 +113,23 @@ class Autosave:
             if work == self._wanted:
                 return
             self._wanted = work
-            self._news.notify_all()
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._run, name="pointglass autosave", daemon=True)
-                self._thread.start()
+            self._notify()
 
-    def adopt(self, file: Path, held: int) -> None:
-        """Goes on with a file that another process left.  held: its lock.  The file this one wrote is removed."""
+    def _notify(self) -> None:
+        """Tells the thread that there is something to do; starts it.  Called with ``_news`` held."""
+        self._news.notify_all()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="pointglass autosave", daemon=True)
+            self._thread.start()
+
+    def adopt(self, file: Path, held: int, unsaved: UnsavedWork) -> None:
+        """Goes on with a file that another process left.  held: its lock.  unsaved: what it holds; it goes when that is saved,
+        also where it could not be written again meanwhile.  The file this one wrote is removed."""
         with self._files:
             self._remove()
-            self._file, self._lock, self._kept = file, held, None
-        with self._news:
-            self._news.notify_all()
+            with self._news:
+                self._file, self._lock, self._kept, self._wanted = file, held, unsaved, unsaved
+                self._notify()
 
     def close(self, *, keep: bool) -> None:
         """Ends the thread.  keep: what is not saved stays on disk, written completely; else it is removed."""

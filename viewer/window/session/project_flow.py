@@ -316,5 +316,5 @@ class ProjectFlow:
         except OSError:
             held = None
         if held is not None:
-            self.autosave.adopt(found.file, held)
+            self.autosave.adopt(found.file, held, found.unsaved)
         self.offers = [other for other in self.offers if other.file != found.file]
