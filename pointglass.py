@@ -86,9 +86,10 @@ if TYPE_CHECKING:
     from .viewer.interface.scan_photographs import Photograph
     from .viewer.picture.camera import Camera
     from .viewer.picture.provenance import PROVENANCE
+    from .viewer.work.fits.fit import Fit
 
 __all__ = [
-    "PROVENANCE", "Camera", "DeviceError", "Frame", "InputError", "Photograph", "Picture", "PointglassError", "Points",
+    "PROVENANCE", "Camera", "DeviceError", "Fit", "Frame", "InputError", "Photograph", "Picture", "PointglassError", "Points",
     "RenderSettings", "Scan", "__version__", "demo_scan", "from_points", "look_at", "open", "read_cameras", "write_cameras",
 ]  # fmt: skip
 
@@ -104,6 +105,7 @@ _MODULES = {
     "interface.place_camera": ["look_at", "read_cameras", "write_cameras"],
     "commands.demo": ["demo_scan"],
     "picture.provenance": ["PROVENANCE"],
+    "work.fits.fit": ["Fit"],
 }
 """Module below viewer -> what is imported from it when it is first asked for: the command line starts without NumPy."""
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

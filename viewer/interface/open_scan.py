@@ -28,6 +28,7 @@ from .scan_photographs import Photograph, photographs_of
 if TYPE_CHECKING:
     from ..grid.scene import Scene
     from ..render.renderer import Renderer
+    from ..work.fits.fit import Fit
 
 
 class Scan:
@@ -201,6 +202,17 @@ class Scan:
 
         with python_names():
             return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject)
+
+    def fit(self, position: npt.ArrayLike, kind: Literal["plane", "pipe", "circle"] = "plane") -> Fit:
+        """The surface of a kind at a place on the scan, from all of it that is measured, with its uncertainty at 95 %.
+
+        position: (3,) file coordinates; the nearest measured point counts.  Its radius, direction and uncertainties are fields
+        of what is returned.  Raises PointglassError where nothing of this kind lies there.
+        """
+        from .fit_surface import fit_surface
+
+        with python_names():
+            return fit_surface(self._open, position, kind)
 
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.

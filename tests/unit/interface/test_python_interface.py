@@ -207,6 +207,28 @@ def test_an_export_that_cannot_be_is_refused_and_leaves_nothing(given, said, tmp
     assert "\n" not in str(caught.value) and "--" not in str(caught.value) and list(tmp_path.iterdir()) == []
 
 
+def test_a_surface_is_fitted_at_the_measured_point_nearest_to_a_place(seed):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    across = np.linalg.svd(normal[None])[2][1:]
+    shift = rng.uniform(-1e5, 1e5, 3)
+    xyz = shift + rng.random((4000, 2)) @ across + 0.001 * rng.normal(size=(4000, 1)) * normal
+    with pointglass.from_points(xyz, np.full((4000, 3), 0.5)) as scan:
+        fit = scan.fit(shift + across.sum(axis=0) / 2 + 0.02 * normal)
+        assert isinstance(fit, pointglass.Fit) and fit.kind == "plane" and fit.count > 3000
+        assert abs(np.dot(fit.direction, normal)) > 0.99999
+        assert abs(np.dot(np.array(fit.place) - shift, normal)) < 2 * fit.offset_uncertainty + 1e-4 < 1e-3
+        with pytest.raises(pointglass.PointglassError, match=r"^nothing round here"):
+            scan.fit(shift + across.sum(axis=0) / 2, "pipe")
+        with pytest.raises(pointglass.InputError, match=r"no measured point lies within .* scan\.points\.xyz"):
+            scan.fit(shift + 5 * normal)
+        with pytest.raises(pointglass.InputError, match="kind"):
+            scan.fit(shift, "cone")  # type: ignore[arg-type]
+        with pytest.raises(pointglass.InputError, match="position"):
+            scan.fit((0.0, float("nan"), 1.0))
+
+
 def test_photographs_are_listed_and_decoded_when_asked_for(tmp_path):
     given = [pinhole((0.3, -0.4, 0.2), 0.7, name="placed", coding="jpeg"),
              pinhole((0, 0, 0), 0.0, name="loose", kind="visualReference")]  # fmt: skip

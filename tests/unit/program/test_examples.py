@@ -19,6 +19,7 @@ RESULTS = {
     "exchange_cameras": {"colmap", "transforms.json", "view_0.png", "view_1.png", "view_2.png"},
     "export_selection": {"corner.laz", "station.laz"},
     "film_along_keyframes": {"camera_path.json", "walk.mp4"},
+    "measure_room": {"room.csv", "room.dxf", "room.geojson"},
     "points_from_numpy": {"sphere.png"},
     "read_points": {"points.npz", "heights.png"},
     "render_picture": {"raw.png", "filtered.png", "filled.png", "neural.png"},
@@ -27,7 +28,8 @@ RESULTS = {
 SAID = {
     "compare_views": "13.0% filled", "draw_section": "2 sheets", "e57_photographs": "living room: pinhole",
     "exchange_cameras": "3 cameras; poses differ by at most", "export_selection": "points in a quarter",
-    "film_along_keyframes": "walk.mp4", "points_from_numpy": "150,000 points, 2 stations", "read_points": "13,500 points read",
+    "film_along_keyframes": "walk.mp4", "measure_room": "height  2.70", "points_from_numpy": "150,000 points, 2 stations",
+    "read_points": "13,500 points read",
     "render_picture": "4 pictures",
 }  # fmt: skip
 

@@ -3,7 +3,7 @@
 A helper line explains the value, and is no measured thing itself: the foot of a height, the wall of a pipe.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,8 @@ def shapes_of(measurement: Measurement) -> Shapes:
     """The shapes of a measurement."""
     points = np.array([point.position for point in measurement.points], np.float64)
     lines, rings = shapes_of_fits(measurement.fits)
+    if measurement.fit is None:  # the planes are not the measurement, but what it was made from
+        lines = [replace(line, helper=True) for line in lines]
     kind, middle = measurement.kind, points.mean(axis=0)
     if measurement.kind == "corner":
         at = np.array(evaluate(measurement).place)
