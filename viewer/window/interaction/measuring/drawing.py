@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
 
 
-def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: str, colour: str) -> None:
-    """Lines, points and the value of a measurement, over the picture."""
+def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, colour: str) -> np.ndarray:
+    """Lines and points of a measurement, over the picture.  Returns (3,) where its value is to be written."""
     shapes = shapes_of(measurement)
     if (flat := shapes.area) is not None:
         for a, b in zip(flat, np.roll(flat, -1, axis=0)):  # a fan: polygons need not be convex
@@ -23,9 +23,9 @@ def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: s
     _draw_lines(overlay, shapes.lines, shapes.rings, colour)
     if shapes.place is not None:
         overlay.marker(shapes.place, colour, 6.0, "ring")
-    overlay.label(shapes.label, text)
     for point in shapes.points:
         overlay.marker(point, colour, 4.0)
+    return shapes.label
 
 
 def draw_begun(overlay: "OverlayCanvas", points: list[MeasuredPoint], colour: str) -> None:
@@ -51,6 +51,10 @@ class Measurements(Overlay):
     name = "measurements"
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        unit = unit_of(context)
-        for measurement in context.document.measurements:
-            draw_measurement(overlay, measurement, value_text(measurement, unit), "accent")
+        found, unit = context.document.measurements, unit_of(context)
+        places = [draw_measurement(overlay, measurement, "accent") for measurement in found]
+        texts = [value_text(measurement, unit) for measurement in found]
+        if len(found) > 1:  # which of the list each is
+            texts = [f"{measurement.name}  {text}" for measurement, text in zip(found, texts, strict=True)]
+        if found:
+            overlay.labels(places, texts)

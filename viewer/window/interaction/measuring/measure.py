@@ -212,7 +212,7 @@ class Measure(Tool):
         if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
             made = Measurement(self.kind, tuple(points), "", context.document.up)
             result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
-            draw_measurement(overlay, made, text_of(result, unit_of(context)), "warn")
+            overlay.label(draw_measurement(overlay, made, "warn"), text_of(result, unit_of(context)))
         else:
             draw_begun(overlay, points, "warn")
 
