@@ -171,6 +171,45 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
     d.rest()
 
 
+def check_pictures_are_saved_with_measurements_over_them_where_that_is_chosen(d: Driver) -> None:
+    import numpy as np
+    from PIL import Image
+
+    from pointglass.viewer.picture.clip import vector
+    from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
+
+    d.rest()
+    saves, work, view = d.app.save_actions, d.session.work, d.session.camera
+    width, height = d.session.area.size
+    ends = view.unproject(np.array([[0.2 * width, 0.7 * height], [0.8 * width, 0.6 * height]]), np.full(2, 2.0))
+    made = Measurement("distance", tuple(MeasuredPoint(vector(end)) for end in ends), "Distance")
+    work.edit("Measure", measurements=(*work.document.measurements, made))
+    pictures = []
+    for measured in (False, True):
+        work.shot_measured = measured
+        d.rest()
+        path = saves.screenshot()
+        assert path is not None
+        pictures.append(np.asarray(Image.open(path)).astype(int))
+    assert "with 1 measurement" in d.session.notices.toasts[-1].text
+    work.shot_scale = 2
+    large = saves.screenshot()
+    d.until(lambda: saves.still is None, 60.0)
+    work.shot_scale, work.shot_measured = 1, False
+    work.undo()
+    plain, over = pictures
+    changed = (plain != over).any(axis=2)
+    rows, columns = np.nonzero(changed)
+    assert 0.001 < changed.mean() < 0.1 and rows.min() > height / 2
+    assert columns.min() > 0.15 * width and columns.max() < 0.85 * width
+    accent = np.array([92, 196, 192])
+    twice = np.asarray(Image.open(large)).astype(int)
+    assert twice.shape[:2] == (2 * height, 2 * width)
+    small_marks, large_marks = ((np.abs(picture - accent).max(axis=2) < 30).sum() for picture in (over, twice))
+    assert small_marks > 50 and large_marks > 2 * small_marks
+    d.rest()
+
+
 def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     d.resize(1280, 720)
     d.drop(Path("passer1"))

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from ...picture.drawn_lines import clipped, in_front, kept_inside, label_places
 from . import theme
 from .theme import Theme, packed
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
 
-_NEAR = 1e-6  # of the farthest depth of a line: where it is cut off in front of the camera
+_EDGE = 4.0  # design units between a plate and the edge of the picture
 Shape = Literal["dot", "ring", "cross", "square", "diamond"]
 
 
@@ -61,18 +62,13 @@ class OverlayCanvas:
                 self._segment(a, b, shade, strength)
 
     def _segment(self, a: np.ndarray, b: np.ndarray, colour: str, width: float) -> None:
-        depths = self.camera.project([a, b])[1]
-        near = _NEAR * max(float(np.abs(depths).max()), 1e-300)
-        if (depths < near).all():
+        pixels = in_front(self.camera, a, b)
+        if pixels is None:
             return
-        if (depths < near).any():
-            share = (near - depths[0]) / (depths[1] - depths[0])
-            cut = a + share * (b - a)
-            a, b = (cut, b) if depths[0] < near else (a, cut)
-        (start, end), _ = self.place([a, b])
-        clipped = _clip(start, end, self.area, 4 * self.theme.px(width))
-        if clipped is not None:
-            (x0, y0), (x1, y1) = clipped
+        start, end = self._origin + pixels * self._scale
+        part = clipped(start, end, self.area, 4 * self.theme.px(width))
+        if part is not None:
+            (x0, y0), (x1, y1) = part
             self.draw_list.add_line(ImVec2(x0, y0), ImVec2(x1, y1), _shade(colour), self.theme.px(width))
 
     def polygon(self, points, colour: str = "accent", alpha: float = 0.25) -> None:
@@ -135,21 +131,12 @@ class OverlayCanvas:
     def labels(self, points, texts: "Sequence[str]", colour: str = "text") -> None:
         """Labels of world points, none over another: each in the first free corner of its point, the nearest points first; a
         label without a free corner is left out."""
-        places, inside = self.place(points)
-        depths = self.camera.project(points)[1]
-        taken: list[tuple[float, float, float, float]] = []
-        for number in np.argsort(depths):
-            if not inside[number]:
-                continue
-            text = texts[int(number)]
-            for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
-                at = places[number] + self.theme.px(10.0) * np.array([across, down])
-                align = (0.0 if across > 0 else 1.0, 0.0 if down > 0 else 1.0)
-                x, y, width, height = plate = self._plate(tuple(at), text, align)
-                if all(x + width <= a or a + w <= x or y + height <= b or b + h <= y for a, b, w, h in taken):
-                    taken.append(plate)
-                    self.text(tuple(at), text, colour, align=align)
-                    break
+        places, _ = self.place(points)
+        sizes = [self._plate((0.0, 0.0), text, (0.0, 0.0))[2:] for text in texts]
+        px = self.theme.px
+        found = label_places(places, self.camera.project(points)[1], sizes, px(10.0), self.area, px(_EDGE))
+        for number, at in found.items():
+            self.text(at, texts[number], colour)
 
     def divider(self, x: float) -> None:
         """A vertical line across the picture at a position of the interface."""
@@ -161,10 +148,8 @@ class OverlayCanvas:
         """Left, top, width and height of the plate of a text, kept inside the picture."""
         size, px = imgui.calc_text_size(text), self.theme.px
         width, height = size.x + 2 * px(7), size.y + 2 * px(3)
-        left, top, across, down = self.area
-        x = float(np.clip(at[0] - align[0] * width, left + px(4), max(left + across - width - px(4), left + px(4))))
-        y = float(np.clip(at[1] - align[1] * height, top + px(4), max(top + down - height - px(4), top + px(4))))
-        return x, y, width, height
+        left, top = at[0] - align[0] * width, at[1] - align[1] * height
+        return *kept_inside(left, top, (width, height), self.area, px(_EDGE)), width, height
 
     def text(self, at: tuple[float, float], text: str, colour: str = "text", *,
              align: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -178,18 +163,3 @@ class OverlayCanvas:
 
 def _shade(colour: str, alpha: float | None = None) -> int:
     return packed(theme.OVERLAY_COLOURS[colour], alpha)
-
-
-def _clip(start: np.ndarray, end: np.ndarray, area: tuple[float, float, float, float], margin: float):
-    """The part of a segment within ``area`` and a margin (Liang-Barsky), or None: imgui has no use for coordinates of 1e9."""
-    low = np.array(area[:2]) - margin
-    high = low + np.array(area[2:]) + 2 * margin
-    first, last, along = 0.0, 1.0, end - start
-    for axis in (0, 1):
-        if along[axis] == 0.0:
-            if not low[axis] <= start[axis] <= high[axis]:
-                return None
-            continue
-        a, b = sorted(((low[axis] - start[axis]) / along[axis], (high[axis] - start[axis]) / along[axis]))
-        first, last = max(first, a), min(last, b)
-    return None if first > last else ((start + first * along).tolist(), (start + last * along).tolist())

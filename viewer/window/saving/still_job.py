@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...work.ghosts import prepared
+from ...work.pictures.measured_picture import with_measurements
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
 from ..kit.worker import Worker
 from .capture import save_png
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from ...grid.scene import Scene
     from ...render.renderer import Renderer
+    from ...work.measuring.measurement import Measurement
 
 
 @dataclass(frozen=True)
@@ -25,13 +27,15 @@ class StillJob:
     """All that a still is made of, taken when it is asked for.
 
     shot: what is drawn; its camera has the size that is saved.  out: the PNG.  panorama: width and height of a 360-degree
-    picture around the camera instead, twice as wide as high.
+    picture around the camera instead, twice as wide as high.  measurements, unit: drawn over it, not over a panorama.
     """
 
     scene: "Scene"
     shot: Shot
     out: Path
     panorama: tuple[int, int] | None = None
+    measurements: "tuple[Measurement, ...]" = ()
+    unit: str = ""
 
     def render(self) -> Path:
         """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
@@ -49,7 +53,8 @@ class StillJob:
             renderer = Renderer(context, prepared(self.scene, spec.edits.ghosts))
             try:
                 if self.panorama is None:
-                    save_png(self.out, picture_of(renderer, spec), {KEY: self.shot.drawn_with(renderer.choice.timed).text()})
+                    picture = with_measurements(picture_of(renderer, spec), spec.camera, self.measurements, self.unit)
+                    save_png(self.out, picture, {KEY: self.shot.drawn_with(renderer.choice.timed).text()})
                 else:
                     save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))
             finally:

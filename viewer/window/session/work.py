@@ -49,7 +49,7 @@ class ShownPhoto:
 
 class DocumentState:
     """history: of the document.  project: the file it was read from or saved to, else None.
-    shot_scale: times the sides of the picture that F12 saves.
+    shot_scale: times the sides of the picture that F12 saves.  shot_measured: whether measurements are drawn over it.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
     exact_points: picked points of the work whose values are being read from their files.
@@ -68,6 +68,7 @@ class DocumentState:
         self.begun: Begun | None = None
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
+        self.shot_measured = False
         self.reference_problem: str | None = None
         self.located: dict[str, str | None] = {}
         self.digest = ""

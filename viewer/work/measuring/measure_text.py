@@ -1,6 +1,7 @@
 """Measurements as a person reads them: with the digits that their uncertainty supports, and the unit of the file."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -40,6 +41,14 @@ def text_of(result: Result, unit: str) -> str:
 def value_text(measurement: Measurement, unit: str) -> str:
     """The value of a measurement as it is written beside it: ``Ø 0.1142 ± 0.0004 m``."""
     return KINDS[measurement.kind].before + text_of(evaluate(measurement), unit)
+
+
+def labels_of(measurements: Sequence[Measurement], unit: str) -> list[str]:
+    """What is written beside each measurement in a picture: its value, behind its name where there are several."""
+    texts = [value_text(measurement, unit) for measurement in measurements]
+    if len(texts) < 2:
+        return texts
+    return [f"{measurement.name}  {text}" for measurement, text in zip(measurements, texts, strict=True)]
 
 
 def components_text(parts: Components, unit: str) -> str:

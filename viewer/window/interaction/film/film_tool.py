@@ -125,6 +125,9 @@ class Film(Tool):
             return
         work = context.session.work
         work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
+        work.shot_measured = ui.checkbox("with measurements", work.shot_measured)[1]
+        if ui.is_item_hovered():
+            ui.set_tooltip("F12 draws measurements over the picture; `render --like` draws it again without them")
         if ui.button("Folder of pictures…"):
             context.saves.choose_folder()
         if ui.is_item_hovered():

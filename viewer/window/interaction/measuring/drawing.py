@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....work.measuring.measure_shapes import Line, Ring, shapes_of, shapes_of_fits
-from ....work.measuring.measure_text import value_text
+from ....work.measuring.measure_text import labels_of
 from ....work.measuring.measurement import MeasuredPoint, Measurement
 from ..editing import unit_of
 from ..tool import Overlay, ToolContext
@@ -53,8 +53,5 @@ class Measurements(Overlay):
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         found, unit = context.document.measurements, unit_of(context)
         places = [draw_measurement(overlay, measurement, "accent") for measurement in found]
-        texts = [value_text(measurement, unit) for measurement in found]
-        if len(found) > 1:  # which of the list each is
-            texts = [f"{measurement.name}  {text}" for measurement, text in zip(found, texts, strict=True)]
         if found:
-            overlay.labels(places, texts)
+            overlay.labels(places, labels_of(found, unit))

@@ -1,0 +1,74 @@
+"""Where lines and labels of world points lie in a picture: cut off behind the camera and beyond the edges, and no label over
+another.  The window and saved pictures draw them alike.  Plain NumPy; pixels as viewer.picture.camera has them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .camera import Camera
+
+Area = tuple[float, float, float, float]
+"""Left, top, width and height."""
+_NEAR = 1e-6  # of the farthest depth of a line: where it is cut off in front of the camera
+
+
+def in_front(camera: Camera, a: np.ndarray, b: np.ndarray) -> np.ndarray | None:
+    """(2, 2) pixels of the part of a line between two world points that lies in front of the camera; None where none does."""
+    depths = camera.project([a, b])[1]
+    near = _NEAR * max(float(np.abs(depths).max()), 1e-300)
+    if (depths < near).all():
+        return None
+    if (depths < near).any():
+        share = (near - depths[0]) / (depths[1] - depths[0])
+        cut = a + share * (b - a)
+        a, b = (cut, b) if depths[0] < near else (a, cut)
+    return camera.project([a, b])[0]
+
+
+def clipped(start: np.ndarray, end: np.ndarray, area: Area, margin: float) -> tuple[list[float], list[float]] | None:
+    """The part of a line within ``area`` and a margin (Liang-Barsky), or None: what draws has no use for coordinates of 1e9."""
+    low = np.array(area[:2]) - margin
+    high = low + np.array(area[2:]) + 2 * margin
+    first, last, along = 0.0, 1.0, end - start
+    for axis in (0, 1):
+        if along[axis] == 0.0:
+            if not low[axis] <= start[axis] <= high[axis]:
+                return None
+            continue
+        a, b = sorted(((low[axis] - start[axis]) / along[axis], (high[axis] - start[axis]) / along[axis]))
+        first, last = max(first, a), min(last, b)
+    return None if first > last else ((start + first * along).tolist(), (start + last * along).tolist())
+
+
+def kept_inside(left: float, top: float, size: Sequence[float], area: Area, edge: float) -> tuple[float, float]:
+    """The left and top of a plate, moved so far that it lies in ``area``, ``edge`` off its borders."""
+    x, y = (float(np.clip(at, low + edge, max(low + span - side - edge, low + edge)))
+            for at, low, span, side in zip((left, top), area[:2], area[2:], size, strict=True))  # fmt: skip
+    return x, y
+
+
+def label_places(places: np.ndarray, depths: np.ndarray, sizes: Sequence[Sequence[float]], gap: float, area: Area,
+                 edge: float) -> dict[int, tuple[float, float]]:
+    """The left and top of each label, none over another: in the first free corner of its point, the nearest points first; one
+    without a free corner is left out.
+
+    places: (n, 2) of the points.  depths: (n,).  sizes: width and height of each plate.  gap: from the point to the plate.
+    Only points in ``area`` have labels; those behind the camera have NaN.
+    """
+    taken: list[Area] = []
+    found = {}
+    left, top, wide, high = area
+    for number in np.argsort(depths).tolist():
+        x, y = places[number]
+        if not (left <= x <= left + wide and top <= y <= top + high and depths[number] > 0):
+            continue
+        width, height = sizes[number]
+        for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
+            at = kept_inside(x + across * gap - (0.0 if across > 0 else width), y + down * gap - (0.0 if down > 0 else height),
+                             (width, height), area, edge)
+            if all(at[0] + width <= a or a + w <= at[0] or at[1] + height <= b or b + h <= at[1] for a, b, w, h in taken):
+                taken.append((*at, width, height))
+                found[number] = at
+                break
+    return found
