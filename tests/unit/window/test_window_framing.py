@@ -6,8 +6,11 @@ from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
-from pointglass.viewer.window.flight.start_viewpoint import darkness, start_camera, survey
+from pointglass.viewer.window.flight.flight import Flight
+from pointglass.viewer.window.flight.framing import SIDES
+from pointglass.viewer.window.flight.start_viewpoint import darkness, start_camera, start_state, survey
 from pointglass.viewer.work.places.standing_place import enclosure
+from pointglass.viewer.work.places.up_axis import upright_axes
 
 
 @pytest.mark.parametrize("aspect", [0.8, 1.6, 2.4])
@@ -68,3 +71,28 @@ def test_a_visit_begins_facing_the_room_not_the_street_behind_its_window(seed_of
                               meta=ScanDescription(metres_per_unit=1.0, scans=scans))
     camera = start_camera(scene, 640, 480)
     assert np.allclose(camera.position, scans[0].position, atol=0.01) and camera.forward[1] < 0.3
+
+
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0)])
+@pytest.mark.parametrize("side", list(SIDES))
+def test_from_each_side_the_whole_scan_is_seen_upright(side, up, seed):
+    rng = np.random.default_rng(seed)
+    upright = upright_axes(up)
+    points = (rng.random((20_000, 3)) * rng.uniform(1, 30, 3)) @ upright.T + rng.uniform(-1e5, 1e5, 3)
+    scene = scene_from_arrays(points, np.full((len(points), 3), 180, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
+    now = [0.0]
+    flight, seen = Flight(lambda: now[0]), survey(scene)
+    flight.begin(start_state(scene, seen, 1.5, up), seen)
+    flight.look_from(side, 1.5)
+    for _ in range(60):
+        now[0] += 0.1
+        flight.advance()
+    assert not flight.gliding
+    camera = flight.camera((600, 400))
+    pixels, depth = camera.project(points)
+    inside = (depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= (600, 400)).all(axis=1)
+    assert inside.mean() > 0.98 and (np.ptp(pixels[inside], axis=0) / (600, 400)).max() > 0.6
+    direction = np.array(SIDES[side].direction)
+    assert camera.forward @ (upright @ direction) > 0.999 * np.linalg.norm(direction)
+    ahead = upright @ (0.0, 1.0, 0.0) if side == "top" else np.array(up)
+    assert camera.up @ ahead > 0.5, "+y lies at the top from above, up at the top from elsewhere"

@@ -41,7 +41,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
 
 
-@pytest.mark.parametrize("done", ["nothing", "moved", "clicked"])
+@pytest.mark.parametrize("done", ["nothing", "moved", "clicked", "set off"])
 def test_who_has_not_moved_or_clicked_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_one(done):
     made, clock = session()
     assert made.scene is not None
@@ -53,12 +53,16 @@ def test_who_has_not_moved_or_clicked_flies_from_a_poor_viewpoint_of_the_preview
     if done == "moved":
         made.flight.state = replace(poor, position=poor.position - 0.2)
     made.shown_scan.touched = done == "clicked"
+    if done == "set off":
+        made.flight.glide_to(replace(poor, position=poor.position - 0.2))
     camera = made.camera
     made.accept(Loaded(complete, survey(complete), (Path("a.laz"),), follows_preview=True))
     for _ in range(40):
         clock.now += 0.1
         made.advance()
-    if done != "nothing":
+    if done == "set off":
+        assert np.allclose(made.camera.position, poor.position - 0.2)
+    elif done != "nothing":
         assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
     else:
         assert np.allclose(made.camera.position, good.position, atol=1e-6) and made.flight.at_home

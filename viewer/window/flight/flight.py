@@ -12,7 +12,7 @@ import numpy as np
 
 from ...picture.camera import Camera, from_fov
 from ...work.places.up_axis import turned, upright_axes
-from .framing import overview
+from .framing import from_side, overview
 from .gamepad import STILL
 from .glide import Glide
 from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
@@ -232,6 +232,14 @@ class Flight:
             seen, ahead = turned(self._seen, upright), upright.T @ self.state.forward
             place = upright @ overview(seen, aspect, ahead, self.state.speed).position
             self.go(view_along(place, self.state.forward, self.state.speed, upright))
+
+    def look_from(self, side: str, aspect: float) -> None:
+        """Flies to where everything is in view from one of viewer.window.flight.framing.SIDES, with the usual field of view."""
+        if self._seen is not None:
+            upright = self.state.upright
+            there = from_side(turned(self._seen, upright), aspect, side, self.state.speed)
+            self.field_of_view = FIELD_OF_VIEW
+            self.glide_to(view_along(upright @ there.position, upright @ there.forward, self.state.speed, upright))
 
     def let_go(self) -> None:
         """Forgets every key and button held."""

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from ...preprocess.scan_description import IN_MEMORY
 from ...work.scan_files import FilePart, files_of
+from ..flight.framing import SIDES
 from ..interaction.tool import Toolbox, ToolContext
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
@@ -165,6 +166,12 @@ def _viewpoints(actions: Actions, style: Theme) -> None:
     imgui.same_line(0, style.px(8))
     if button("Whole scene", style, width=width, explained="See the whole scene from here (key F)"):
         actions.do("frame")
+    width = (imgui.get_content_region_avail().x - 3 * style.px(8)) / len(SIDES)
+    for number, (side, row) in enumerate(SIDES.items()):
+        if number:
+            imgui.same_line(0, style.px(8))
+        if button(f"{row.label}##side", style, width=width, explained=row.what):
+            actions.do(f"from_{side}")
 
 
 def _notices(session: Session, actions: Actions, style: Theme) -> None:

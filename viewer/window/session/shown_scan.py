@@ -74,8 +74,8 @@ class ShownScan:
 
     @property
     def _untouched(self) -> bool:
-        """Whether nobody has flown or clicked in this scan yet."""
-        return self._flight.at_home and not self.touched
+        """Whether nobody has flown or clicked in this scan yet, or is about to."""
+        return self._flight.at_home and not self._flight.gliding and not self.touched
 
     def shows_scan_of(self, loaded: Loaded) -> bool:
         """Whether the scan shown is that of ``loaded``: its preview, or the same files."""

@@ -10,6 +10,7 @@ from ...picture.views import VIEWS
 from ...work.project import SUFFIX
 from ...work.scan_files import FilePart
 from ..file_dialog.file_dialogs import FileDialogs
+from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
@@ -118,6 +119,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
     table: dict[str, Callable[[], object]] = {
         "home": session.go_home,
         "frame": session.frame_scene,
+        **{f"from_{side}": partial(_look_from, session, side) for side in SIDES},
         "walk": partial(_walk, app),
         "slower": lambda: session.wheel(-SPEED_NOTCHES),
         "faster": lambda: session.wheel(SPEED_NOTCHES),
@@ -145,6 +147,11 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         if tool.key:
             table[f"tool_{tool.name}"] = partial(app.toolbox.select, tool.name, app.tools)
     return table
+
+
+def _look_from(session: Session, side: str) -> None:
+    if session.scene is not None:
+        session.flight.look_from(side, session.area.aspect)
 
 
 def _walk(app: Host) -> None:
