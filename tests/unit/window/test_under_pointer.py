@@ -24,7 +24,7 @@ def draw(imgui, cards) -> None:
     for number, (left, top, width, height) in enumerate(cards):
         imgui.set_next_window_pos((left, top))
         imgui.set_next_window_size((width, height))
-        imgui.begin(f"card {number}")
+        imgui.begin(f"card {number}", None, imgui.WindowFlags_.no_move)
         imgui.end()
     imgui.render()
 
@@ -47,3 +47,21 @@ def test_what_the_last_frame_has_drawn_counts_and_nothing_else(imgui, seed):
             assert over_interface(imgui, (x, y)) == expected
             over += expected
     assert over > 5
+
+
+@pytest.mark.parametrize("first", [(50.0, 50.0), (250.0, 250.0)])
+def test_a_button_that_imgui_still_holds_says_nothing_of_the_next_click(imgui, first):
+    """The frame after a click takes its press only; the release waits, and the pointer is elsewhere already."""
+    io, card = imgui.get_io(), (200, 200, 100, 100)
+    for _ in range(3):
+        draw(imgui, [card])
+    io.add_mouse_pos_event(*first)
+    draw(imgui, [card])
+    io.add_mouse_button_event(0, True)
+    io.add_mouse_button_event(0, False)
+    draw(imgui, [card])
+    assert imgui.is_mouse_down(0)
+    for _ in range(2):
+        assert over_interface(imgui, (250.0, 250.0)) and not over_interface(imgui, (50.0, 50.0))
+        assert io.mouse_down[0] or io.mouse_released[0], "as imgui had it"
+        draw(imgui, [card])

@@ -67,6 +67,8 @@ class Input:
             glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_RIGHT: "right", glfw.MOUSE_BUTTON_MIDDLE: "middle",
         }  # fmt: skip
         self._button: Literal["", "left", "right", "middle"] = ""
+        self._held: set[int] = set()  # buttons, also of the interface
+        self._held_over_interface = False  # where the first of them was pressed
         self._modifiers = Modifiers()
         self._travelled = 0.0
         self._last_click = (-1.0, "", (0.0, 0.0))  # when, with which button, where
@@ -191,10 +193,7 @@ class Input:
     @property
     def _over_interface(self) -> bool:
         """Whether the pointer is imgui's; as it was at the press while a button is held."""
-        imgui = self._host.imgui
-        if self._button or any(imgui.is_mouse_down(number) for number in range(3)):
-            return imgui.get_io().want_capture_mouse
-        return over_interface(imgui, self.pointer)
+        return self._held_over_interface if self._held else over_interface(self._host.imgui, self.pointer)
 
     @property
     def position(self) -> tuple[float, float]:
@@ -216,6 +215,12 @@ class Input:
             session.flight.stop_glide()
         self._note_modifiers(mods)
         over_interface = self._over_interface
+        if action == glfw.RELEASE:
+            self._held.discard(button)
+        elif not self._held:
+            self._held_over_interface = over_interface
+        if action == glfw.PRESS:
+            self._held.add(button)
         host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
         if button not in self._buttons:
             return
@@ -289,6 +294,7 @@ class Input:
         self._host.wake()
         self._host.imgui.backends.glfw_window_focus_callback(self._host.address, focused)
         if not focused:
+            self._held.clear()
             self.release_pointer()
             self._host.session.let_go()
 
