@@ -12,11 +12,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..common.errors import InputError
+from ..common.text import printable
 from ..picture.camera import Camera, from_fov
 from ..picture.clip import Vector
 from ..picture.edits import Edits
 from ..picture.settings import BACKGROUNDS, Settings
-from .measuring.measurement import Measurement
+from .measuring.measurement import MeasuredPoint, Measurement
 
 Matrix = tuple[
     tuple[float, float, float, float],
@@ -63,7 +64,7 @@ class Viewpoint:
         """The view of a camera; its principal point is not kept."""
         fov = float(np.degrees(2 * np.arctan(0.5 * camera.height / camera.fy)))
         a, b, c, d = (tuple(float(value) for value in row) for row in camera.camera_to_world)
-        return Viewpoint(name, (a, b, c, d), fov)  # type: ignore[arg-type]
+        return Viewpoint(whole(name), (a, b, c, d), fov)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,28 @@ class Document(Edits):
         found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Edits)}
         found["hidden_stations"] = tuple(sorted(self.hidden_stations))
         return Edits(**found)
+
+
+def whole(name: str) -> str:
+    """A name, with halves of characters (unpaired surrogates, which JSON can hold) escaped: no text can be drawn or written
+    that has one."""
+    return printable(name) if any("\ud800" <= letter <= "\udfff" for letter in name) else name
+
+
+def with_whole_names(document: Document) -> Document:
+    """The document of a file, in which every name and text can be drawn.  Paths stay as they are."""
+    def points(measurement: Measurement) -> tuple[MeasuredPoint, ...]:
+        return tuple(replace(point, scan=whole(point.scan)) for point in measurement.points)
+
+    keys = tuple(replace(key, view=replace(key.view, name=whole(key.view.name))) for key in document.path.keyframes)
+    return replace(
+        document,
+        clips=tuple(replace(clip, name=whole(clip.name)) for clip in document.clips),
+        viewpoints=tuple(replace(view, name=whole(view.name)) for view in document.viewpoints),
+        path=replace(document.path, keyframes=keys),
+        measurements=tuple(replace(made, name=whole(made.name), points=points(made)) for made in document.measurements),
+        annotations=tuple(replace(note, text=whole(note.text)) for note in document.annotations),
+    )
 
 
 Item = TypeVar("Item")

@@ -18,7 +18,7 @@ from pathlib import Path
 from ...model.common.files.atomic_write import write_atomic
 from ..common.errors import InputError
 from ..picture.json_values import from_json, to_json
-from .document import Document
+from .document import Document, with_whole_names
 from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
 SUFFIX = ".pointglass"
@@ -158,7 +158,7 @@ def relocated(document: Document, located: typing.Mapping[str, str | None]) -> D
 
 def document_from_json(data) -> Document:
     """The document in a parsed project file.  Raises InputError naming the place in it."""
-    return from_json(Document, data, "document")
+    return with_whole_names(from_json(Document, data, "document"))
 
 
 def _relative(path: str, folder: Path) -> str:

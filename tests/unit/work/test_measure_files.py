@@ -1,6 +1,7 @@
 """Files of measurements (viewer.work.measuring), read again: DXF by ezdxf's reader and auditor, GeoJSON as plain JSON."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -94,6 +95,20 @@ def test_no_measurements_are_a_file_and_an_older_one_stays_where_it_cannot_be_wr
     assert path.stat().st_size > 0
     with pytest.raises(InputError, match=r"cannot be written .*save it elsewhere"):
         write_measurements(tmp_path / "gone" / path.name, [], ScanDescription())
+
+
+def test_names_that_are_no_text_or_would_be_obeyed_are_written_escaped(tmp_path, one_of_each):
+    odd = "a\n  0\nLINE\n\x1b[2J\ud800"
+    made = replace(one_of_each["distance"], name=odd)
+    for endings in ENDINGS.values():
+        path = tmp_path / f"m{endings[0]}"
+        write_measurements(path, [made], ScanDescription())
+        assert path.read_bytes().decode("utf-8")
+    import ezdxf
+
+    drawing = ezdxf.readfile(tmp_path / "m.dxf")  # type: ignore[reportPrivateImportUsage]
+    (text,) = drawing.modelspace().query("TEXT")
+    assert text.dxf.text.startswith("a 0 LINE \\x1b[2J") and len(drawing.modelspace().query("LINE")) == 1
 
 
 def test_another_ending_is_refused_with_those_that_there_are(tmp_path):

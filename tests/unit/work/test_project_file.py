@@ -105,6 +105,38 @@ def test_bad_projects_say_what_is_wrong(tmp_path, text, said):
     assert str(path) in str(caught.value)
 
 
+def test_half_a_character_in_a_name_is_escaped_so_that_every_name_can_be_drawn_and_written(tmp_path, seed):
+    """JSON can hold an unpaired surrogate, which imgui refuses with a TypeError."""
+    path = tmp_path / "a.pointglass"
+    document = random_document(np.random.default_rng(seed), [str(tmp_path / "odd\udce9.ply")])
+    write_project(path, document)
+    text = path.read_text("utf-8")
+    data = json.loads(text)
+    changed = 0
+
+    def halved(value):
+        nonlocal changed
+        if isinstance(value, dict):
+            for key, item in value.items():
+                if key in ("name", "text", "scan") and isinstance(item, str):
+                    value[key], changed = "x\ud800" + item, changed + 1
+                else:
+                    halved(item)
+        elif isinstance(value, list):
+            for item in value:
+                halved(item)
+
+    halved({key: value for key, value in data["document"].items() if key not in ("scans", "settings")})
+    path.write_text(json.dumps(data))
+    read = read_project(path)
+    assert changed > 10 and read.scans[0].path.endswith("odd\udce9.ply"), "a path is not changed"
+    names = [*(item.name for item in (*read.measurements, *read.viewpoints, *read.clips)),
+             *(point.scan for item in read.measurements for point in item.points),
+             *(key.view.name for key in read.path.keyframes), *(note.text for note in read.annotations)]  # fmt: skip
+    for name in names:
+        assert name.startswith("x\\ud800") and name.encode()
+
+
 def test_a_missing_project_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.pointglass: cannot be read"):
         read_project(tmp_path / "none.pointglass")

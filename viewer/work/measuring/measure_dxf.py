@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...common.text import printable
 from .measure_shapes import Shapes, shapes_of
 from .measure_text import unit_name, value_text
 from .measurement import KINDS, Measurement
@@ -40,7 +41,7 @@ def write_dxf(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
         if measurement.kind == "pipe" and (fit := measurement.fit) is not None:
             axis, place = np.array(fit.direction), np.array(fit.place)
             space.add_line(place + fit.low * axis, place + fit.high * axis, dxfattribs={"layer": layer, "linetype": "CENTER"})
-        told = f"{measurement.name}: {value_text(measurement, unit)}"
+        told = f"{printable(measurement.name)}: {value_text(measurement, unit)}"
         space.add_text(told, height=height, dxfattribs={"layer": layer}).set_placement(shapes.label)
     if "CENTER" not in drawing.linetypes:
         drawing.linetypes.add("CENTER", [2.0, 1.25, -0.25, 0.25, -0.25], description="Center ____ _ ____")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 ENDINGS = {"CSV table": (".csv",), "DXF drawing": (".dxf",), "GeoJSON": (".geojson", ".json")}
 """Each kind of file as a person reads it, and the endings of its names; the first one is given where there is none."""
 
+_HALF = "backslashreplace"
+"""What becomes of half a character (an unpaired surrogate), of a scan whose file name is not UTF-8."""
+
 
 def write_measurements(path: Path, measurements: "Sequence[Measurement]", facts: "ScanDescription") -> None:
     """Writes the measurements; an older file stays on failure.  facts: of the scan, with what was assigned to it: its unit and
@@ -30,7 +33,7 @@ def _writer(path: Path, measurements: "Sequence[Measurement]", facts: "ScanDescr
     if ending in ENDINGS["CSV table"]:
         from .measure_table import csv_text
 
-        return lambda beside: beside.write_bytes(csv_text(measurements, facts.metres_per_unit).encode())
+        return lambda beside: beside.write_bytes(csv_text(measurements, facts.metres_per_unit).encode(errors=_HALF))
     if ending in ENDINGS["DXF drawing"]:
         from .measure_dxf import write_dxf
 
@@ -38,7 +41,8 @@ def _writer(path: Path, measurements: "Sequence[Measurement]", facts: "ScanDescr
     if ending in ENDINGS["GeoJSON"]:
         from .measure_geojson import geojson_text
 
-        return lambda beside: beside.write_bytes(geojson_text(measurements, facts.metres_per_unit, facts.crs).encode())
+        unit, crs = facts.metres_per_unit, facts.crs
+        return lambda beside: beside.write_bytes(geojson_text(measurements, unit, crs).encode(errors=_HALF))
     known = ", ".join(ending for endings in ENDINGS.values() for ending in endings)
     raise InputError(f"measurements are not written as {ending or 'a file without an ending'!r}", file=path,
                      remedy=f"end the name with one of {known}")
