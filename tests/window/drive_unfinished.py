@@ -2,6 +2,7 @@
 written, a name that another window writes to, and Esc where something lies above points that are set."""
 
 import errno
+import os
 import subprocess
 import sys
 import threading
@@ -281,6 +282,29 @@ def check_a_scan_that_is_left_out_while_it_is_away_is_shown_when_it_is_back(p: P
     p.d.drop(project)
     p.opened("there.ply and 1 more")
     assert [scan.visible for scan in read_project(project).scans] == [True, True]
+
+
+def check_scans_whose_names_are_not_utf_8_are_shown_listed_and_saved(p: Person, folder: Path) -> None:
+    session, odd = p.d.session, folder / "odd"
+    odd.mkdir()
+    names = [os.fsdecode(name) for name in (b"caf\xe9.ply", b"th\xe9.ply")]
+    for name, away in zip(names, (0.0, 6.0), strict=True):
+        write_ply(odd / name, away)
+    p.d.drop(odd)
+    p.d.until(lambda: session.scene is not None and len(session.shown_scan.paths) == 2)
+    p.d.rest()
+    p.key("o")
+    p.listed()
+    p.key("Escape")
+    p.key("t")
+    p.key("i")
+    session.work.edit("Background", background="sky")
+    p.key("ctrl+s")  # beside the scans, under a name of its own
+    p.d.until(lambda: not p.d.app.projects.changed)
+    assert session.work.project is not None
+    assert [Path(scan.path).name for scan in read_project(session.work.project).scans] == ["odd"], "the folder"
+    assert sorted(Path(source).name for source in session.scene.meta.sources) == sorted(names)
+    p.key("Escape")
 
 
 def check_a_save_that_asks_takes_the_place_of_the_open_dialog(p: Person, folder: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ....model.common.linear_light import LUMINANCE, to_linear
+from .drawable_text import accept_any_text
 
 FONT_SIZE = 16.0
 SMALL = 14.0
@@ -49,6 +50,7 @@ class Theme:
     def __init__(self, scale: float):
         import imgui_bundle
 
+        accept_any_text(imgui)
         folder = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto"
         fonts = imgui.get_io().fonts
         self.regular = fonts.add_font_from_file_ttf(str(folder / "Roboto-Regular.ttf"), FONT_SIZE)
