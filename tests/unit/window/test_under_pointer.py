@@ -34,7 +34,7 @@ def test_what_the_last_frame_has_drawn_counts_and_nothing_else(imgui, seed):
     rng = np.random.default_rng(seed)
     assert not over_interface(imgui, (640.0, 400.0)), "before the first frame"
     over = 0
-    for _ in range(100):
+    for _ in range(400):
         cards = [(*rng.integers(0, (900, 500)), *rng.integers(100, 300, 2)) for _ in range(rng.integers(0, 4))]
         draw(imgui, [tuple(map(int, card)) for card in cards])
         for _ in range(rng.integers(1, 4)):
