@@ -13,7 +13,7 @@ import numpy as np
 
 from .measure_shapes import shapes_of
 from .measure_text import unit_name, value_text
-from .measurement import KINDS, Measurement
+from .measurement import Measurement
 from .values import components, evaluate
 
 
@@ -55,7 +55,7 @@ def _geometry(measurement: Measurement) -> dict[str, Any]:
         return _polygon(closed)
     if shapes.area is not None:
         return _polygon(shapes.points)
-    if KINDS[measurement.kind].surfaces == ("plane", "plane") and measurement.kind == "edge":
+    if measurement.kind == "edge":
         return {"type": "MultiPoint", "coordinates": shapes.points.tolist()}
     (line,) = [line for line in shapes.lines if not line.helper and not line.closed]
     return {"type": "LineString", "coordinates": line.points.tolist()}
