@@ -4,6 +4,9 @@
 # jobs.
 #
 # Tests with the mark `long` are larger forms of claims that other tests have too; `TEST_LONG=1 .ci/test.sh` runs them as well.
+# A test that fails is run once more, by itself and with the same seed, where at most MOST_REPEATED of a job failed: a fault of the
+# code fails again, a machine that stood still for a moment does not.  One that passes then is named as unsteady at the end.
+#
 # Few jobs: each loads the libraries again, 3 to 5 seconds.
 #
 # The tests of a folder keep their order.  Those of OpenGL share a context, and want no other's objects collected meanwhile.
@@ -20,8 +23,29 @@ if [[ -n ${TEST_LONG:-} ]]; then
     export POINTGLASS_RANDOM_ACTIONS=${POINTGLASS_RANDOM_ACTIONS:-400}
 fi
 
+MOST_REPEATED=3
+
 tests() {
-    .venv/bin/python -m pytest -q "${MARKS[@]}" "$@"
+    local first="$TEST_LOGS/$JOB.first" second="$TEST_LOGS/$JOB.second" status
+    local seed=${POINTGLASS_SEED:-$((RANDOM << 15 | RANDOM))}
+    run() { POINTGLASS_SEED=$seed .venv/bin/python -m pytest -q -o cache_dir="$TEST_LOGS/$JOB.cache" "${MARKS[@]}" "$@"; }
+    run "$@" >"$first" 2>&1
+    status=$?
+    if ((status != 1 || $(grep -cE '^(FAILED|ERROR) ' "$first") > MOST_REPEATED)); then
+        cat "$first"
+        return "$status"
+    fi
+    run --last-failed --last-failed-no-failures none "$@" >"$second" 2>&1
+    status=$?
+    if ((status == 0)); then
+        grep -E '^(FAILED|ERROR) ' "$first" | sed -E 's/^[A-Z]+ /unsteady: /' >>"$TEST_LOGS/unsteady"
+        sed -E 's/^/first run: /' "$first"
+        tail -1 "$first" | sed -E 's/([0-9]+) (failed|errors?)/\1 passed/g'  # as they ended, for the sum
+    else
+        cat "$first"
+        sed 's/^/second run: /' "$second"
+    fi
+    return "$status"
 }
 
 # Pyright, which takes a minute and a half of a processor and keeps nothing: not again where nothing that it reads has changed
@@ -54,7 +78,7 @@ run_job() {
 # Runs one job, and prints its output as a whole.
 logged_job() {
     local outcome=passed
-    run_job "$1" >"$TEST_LOGS/$1.log" 2>&1 || outcome="FAILED, exit code $?"
+    JOB=$1 run_job "$1" >"$TEST_LOGS/$1.log" 2>&1 || outcome="FAILED, exit code $?"
     {
         flock 9
         echo "--- $1: $outcome, $SECONDS s"
@@ -94,6 +118,10 @@ printf '%s\n' "${@:-${JOBS[@]}}" | xargs -P "$(($(nproc) + 1))" -n 1 .ci/test.sh
 if [[ -e $TEST_LOGS/failed ]]; then
     status=1
     echo "failed: $(paste -sd ' ' "$TEST_LOGS/failed")"
+fi
+if [[ -e $TEST_LOGS/unsteady ]]; then
+    echo "Tests that failed, and passed when they were run once more with the same seed:"
+    sort "$TEST_LOGS/unsteady"
 fi
 sum_up
 exit $status
