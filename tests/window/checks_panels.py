@@ -4,55 +4,102 @@ import time
 
 import numpy as np
 from driver import SIZE, Driver
+from items import Items
+
+from pointglass.viewer.window.kit import icons
 
 
 def check_the_picture_has_the_space_that_the_panels_leave(d: Driver) -> None:
     d.resize(1200, 500)
-    assert d.session.area.panels.scenes and d.session.area.panels.look, "there is room"
+    assert d.session.area.panels.outliner and d.session.area.panels.inspector, "there is room"
     wide = d.session.area.size
-    assert d.session.area.origin == (232, 0) and wide == (1200 - 232 - 316, 500 - 30)
+    outliner, inspector = d.session.area.layout.outliner, d.session.area.layout.inspector
+    assert outliner is not None and inspector is not None
+    assert d.session.area.origin == (round(outliner.right), 0)
+    assert wide == (round(inspector.left) - round(outliner.right), 500 - 30)
     assert (d.session.camera.width, d.session.camera.height) == wide
-    d.session.area.panels.look = False
+    d.session.area.panels.inspector = False
     d.rest()
-    assert d.session.area.size[0] == 1200 - 232 - 44
+    assert d.session.area.size[0] == 1200 - round(outliner.right)
     left, (width, height) = d.session.area.origin[0], d.session.area.size
     frame = d.app.viewport.frame
     picture = d.app.viewport.full_picture()
     assert frame is not None and picture is not None and picture.shape == (height, width, 3)
     d.session.notices.toasts = []
-    shown = d.canvas()[60:height - 60, left + 20 : left + width - 20]
-    assert np.array_equal(shown, picture[60:height - 60, 20 : width - 20]), "nothing lies over the middle of the picture"
-    d.session.area.panels.look = True
+    shown = d.canvas()[60:height - 60, left + 60 : left + width - 60]
+    assert np.array_equal(shown, picture[60:height - 60, 60 : width - 60]), "nothing lies over the middle of the picture"
+    d.session.area.panels.inspector = True
 
 
 def check_panels_fold_where_the_window_becomes_narrow(d: Driver) -> None:
     d.resize(890, 400)
     panels = d.session.area.panels
-    assert not panels.scenes and not panels.look
-    assert d.session.area.size[0] == 890 - 88
-    panels.look = True
+    assert not panels.outliner and not panels.inspector
+    assert d.session.area.size[0] == 890
+    panels.inspector = True
     d.settle()
-    assert d.session.area.size[0] == 890 - 44 - 316
+    assert d.session.area.size[0] == 890 - 216
     d.resize(500, 400)
-    assert panels.look and d.session.area.size[0] == 500 - 88, "too narrow for both: the panel lies over the picture"
-    panels.look = False
+    assert panels.inspector and d.session.area.size[0] == 500, "too narrow for both: the panel lies over the picture"
+    panels.inspector = False
     d.resize(1200, 500)
-    assert panels.scenes and panels.look, "there is room again"
+    assert panels.outliner and panels.inspector, "there is room again"
 
 
-def check_a_tool_of_the_folded_panel_opens_it_for_its_controls(d: Driver) -> None:
-    """All icons of the folded panel lie above the status bar, also of a low window."""
-    d.resize(890, 600)
+def check_a_tool_of_the_icon_bar_opens_the_folded_panel_with_its_controls(d: Driver) -> None:
+    """All icons lie above the status bar, also of a low window."""
+    panels, items = d.session.area.panels, Items(d)
+    for height in (600, 330):
+        d.resize(890, height)
+        d.key("ESCAPE")
+        panels.outliner = panels.inspector = False
+        d.settle()
+        (_, bottom) = items.find(f"{icons.SIDES}##sides")[1]
+        assert bottom < height - 30
+        items.click(f"{icons.INSPECT}##inspect")
+        assert panels.inspector and d.app.toolbox.active is d.app.toolbox.tools[1]
+        items.click(f"{icons.OUTLINER}##outliner")
+        assert panels.outliner
+        items.click(f"{icons.FOLD_LEFT}##fold outliner")
+        assert not panels.outliner
     d.key("ESCAPE")
-    panels = d.session.area.panels
-    assert not panels.scenes
-    pitch = (600 - 30 - 12) / (len(d.app.toolbox.tools) + 4)
-    d.click(22, 6 + 3.5 * pitch)  # the second tool: unfold, open and Fly come before
-    assert panels.scenes and d.app.toolbox.active is d.app.toolbox.tools[1]
-    d.key("ESCAPE")
-    panels.scenes = False
     d.resize(1200, 500)
-    assert panels.scenes and panels.look
+    assert panels.outliner and panels.inspector
+
+
+def check_the_icon_bar_looks_from_a_side(d: Driver) -> None:
+    d.resize(1200, 500)
+    items = Items(d)
+    items.click(f"{icons.SIDES}##sides")
+    items.click("Top")
+    d.rest()
+    assert d.session.flight.state.forward[2] < -0.999
+    items.click(f"{icons.HOME}##home")
+    d.rest()
+    flight = d.session.flight
+    assert np.allclose(flight.state.position, flight.home.position) and np.allclose(flight.state.forward, flight.home.forward)
+
+
+def check_the_outliner_shows_hides_renames_and_deletes_what_was_made(d: Driver) -> None:
+    d.resize(1200, 500)
+    items, work = Items(d), d.session.work
+    d.key("B")
+    items.click("+ Box")
+    d.key("ESCAPE")
+    assert d.session.document.clips[0].active
+    items.click(f"{icons.SHOWN}##shown")
+    assert not d.session.document.clips[0].active
+    items.click("##row")
+    assert d.app.toolbox.active.name == "clip", "a click on a row selects its tool"
+    d.key("ESCAPE")  # the tool's panel has a button of that name, too
+    items.click("##row", button=d.glfw.MOUSE_BUTTON_RIGHT)
+    items.click("Delete")
+    assert not d.session.document.clips
+    work.undo()
+    assert len(d.session.document.clips) == 1
+    while d.session.document.clips:
+        work.undo()
+    d.key("ESCAPE")
 
 
 def check_the_view_switch_changes_the_view_and_tells_what_is_drawn(d: Driver) -> None:
@@ -60,7 +107,7 @@ def check_the_view_switch_changes_the_view_and_tells_what_is_drawn(d: Driver) ->
     d.key("3")
     d.rest()
     camera = d.session.camera
-    middle = 232 + (1200 - 232 - 316) / 2
+    middle = d.session.area.origin[0] + d.session.area.size[0] / 2
     d.click(middle - 130, 28)  # the first of four segments
     assert d.session.view_settings.settings.view == "raw"
     assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the interface looks around"
@@ -91,10 +138,10 @@ def check_a_list_of_choices_closes_with_esc(d: Driver) -> None:
         return imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 
     d.resize(1200, 500)
-    d.click(1100, 48)  # the network's quality
+    Items(d).click("##quality")
     assert listed()
     d.key("ESCAPE")
-    assert not listed() and d.session.area.panels.look and d.session.interface and not d.app.closing
+    assert not listed() and d.session.area.panels.inspector and d.session.interface and not d.app.closing
 
 
 def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) -> None:
@@ -102,13 +149,13 @@ def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) 
     from pointglass.viewer.window.panels import look_panel
 
     before, usual = d.session.view_settings.settings, widgets.imgui.slider_float
-    header = look_panel.imgui.collapsing_header
+    header = look_panel.section
     widgets.imgui.slider_float = lambda *_: (True, float("nan"))  # as imgui does where one types "nan"
-    look_panel.imgui.collapsing_header = lambda *_: True
+    look_panel.section = lambda *_: True
     try:
         d.settle()
     finally:
-        widgets.imgui.slider_float, look_panel.imgui.collapsing_header = usual, header
+        widgets.imgui.slider_float, look_panel.section = usual, header
     assert d.session.view_settings.settings == before
 
 

@@ -11,15 +11,17 @@ import traceback
 from pathlib import Path
 
 import numpy as np
-from checks_outputs import Items
 from driver import Driver
+from items import Items
 from x_keyboard import focus, xdo
+
+from pointglass.viewer.window.kit import icons
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
 from e57_photo_files import pinhole, room_points, write_photos
 
-SIZE = (900, 600)
+SIZE = (960, 600)
 
 
 def write_ply(path: Path, away: float = 0.0, points: int = 6000) -> Path:
@@ -232,7 +234,7 @@ def check_one_of_several_files_is_hidden_and_flown_to(p: Person, folder: Path) -
     p.click("east.ply")
     p.d.until(lambda: not p.d.session.flight.moving and p.d.session.camera.position[0] > 3000.0)
     p.d.session.flight.go(camera)
-    p.click("##file")  # the last one drawn: of the eastern file
+    p.click(f"{icons.SHOWN}##file")  # the last one drawn: of the eastern file
     p.d.rest()
     assert p.d.session.document.hidden_stations == (1,)
     p.d.session.work.undo()

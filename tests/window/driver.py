@@ -123,7 +123,7 @@ class Driver:
             app.toolbox.select(app.toolbox.fly.name, app.tools)
         if session.area.window_size != SIZE:
             self.resize(*SIZE)
-        self.panels.scenes = self.panels.look = False  # as in any window as narrow as SIZE
+        self.panels.outliner = self.panels.inspector = False  # as in any window as narrow as SIZE
         self.panels._narrow, self.panels._before = True, (True, True)
         chosen = session.view_settings
         chosen.split, chosen.left, chosen.background = False, "raw", "plain"
@@ -168,10 +168,10 @@ class Driver:
         self.glfw.set_window_size(self.app.window, *size)
         self.until(lambda: self.session.area.window_size == size)
 
-    def click(self, x: float, y: float) -> None:
+    def click(self, x: float, y: float, button: int | None = None) -> None:
         self.point(x, y)
-        self.button(self.glfw.PRESS)
-        self.button(self.glfw.RELEASE)
+        self.button(self.glfw.PRESS, button)
+        self.button(self.glfw.RELEASE, button)
         self.settle()
 
     def double_click(self, x: float, y: float) -> None:

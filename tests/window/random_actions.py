@@ -223,7 +223,7 @@ class Monkey:
 
     def panel(self) -> None:
         panels = self.d.panels
-        setattr(panels, self._pick(("scenes", "look")), bool(self.rng.integers(2)))
+        setattr(panels, self._pick(("outliner", "inspector")), bool(self.rng.integers(2)))
 
     def rest(self, counted: bool = False) -> dict[str, int]:
         """Brings the window to the state in which memory is taken: the same each time.  counted: returns the OpenGL objects

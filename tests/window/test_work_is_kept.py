@@ -162,7 +162,7 @@ def test_the_close_button_asks_chords_work_in_flight_and_a_folder_that_is_gone_l
     assert len(read_project(project).measurements) >= 2 and not autosaves(scan)
 
 
-NAME_FIELD = 90, 488
+NAME_FIELD = 1140, 131
 """Logical pixels: the name of the first measurement in the panel of the tool, at a window of 1280 x 720."""
 
 DISCARD = 726, 400

@@ -45,7 +45,7 @@ from .tool import Tool
 
 
 class Bearing(Tool):
-    name, label, letter, key = "bearing", "Bearing", "B", "KP_5"
+    name, label, icon, key = "bearing", "Bearing", "B", "KP_5"
     help = "tried by a test"
 ''',
 }
@@ -169,14 +169,15 @@ made = read_picture(Developer(Programs(context), (96, 72)).run(frame, "filled", 
 assert np.array_equal(made, toned(plain, tone_curves(look))) and (made != plain).mean() > 0.3
 print("developed")
 
-from pointglass.viewer.window.interaction.colours import Colours
+from pointglass.viewer.window.interaction import colours
 ui, context = MagicMock(), MagicMock()
+colours.slider_float = colours.slider_int = sliders = MagicMock(return_value=(False, 0.0))
 context.scene, context.document.look = scene, look
 ui.begin_combo.return_value, ui.selectable.return_value = True, (False, False)
-ui.slider_float.return_value = ui.slider_int.return_value = ui.input_float2.return_value = (False, 0.0)
-Colours().panel(ui, context)
+ui.input_float2.return_value = (False, 0.0)
+colours.Colours().panel(ui, context)
 assert "easting" in [call.args[0] for call in ui.selectable.call_args_list]
-assert "##contrast" in [call.args[0] for call in ui.slider_float.call_args_list]
+assert "##contrast" in [call.args[0] for call in sliders.call_args_list]
 print("offered")
 """
 

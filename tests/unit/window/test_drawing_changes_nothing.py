@@ -1,5 +1,6 @@
 """Panels, overlays and tools draw what a session holds and change nothing of it while nobody acts."""
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -69,6 +70,7 @@ def made():
     found.drew(found.screen.plan, spent)
     found.notices.of_scan = [ScanNotice("a notice", KeepAsScanned())]
     found.notices.toast("a toast")
+    found.notices.tell_saved(Path("a folder/a picture.png"))
     found.view_settings.compare(True)
     found.help = found.profiler = found.lost = True
     found.recording = FrameTimes()
@@ -95,6 +97,8 @@ def context_of(made, look) -> tuple[ToolContext, Any]:
     viewport: Any = SimpleNamespace(frame=None, frame_camera=None, photos=SimpleNamespace(psnr=None), renderer=None)
     context, box = ToolContext(made, viewport, look), toolbox()
     context.files = FileDialogs()
+    context.saves: Any = SimpleNamespace(still=SimpleNamespace(title="Rendering", label="frames", fraction=0.5, total=2,
+                                                          seconds_left=3.0, cancelled=False))
     return context, box
 
 
@@ -102,16 +106,19 @@ def context_of(made, look) -> tuple[ToolContext, Any]:
 def test_panels(made, look, folded):
     from pointglass.viewer.window.kit.chosen_button import ChosenButton
     from pointglass.viewer.window.panels import dialogs, hud
-    from pointglass.viewer.window.panels.look_panel import draw_look_panel
-    from pointglass.viewer.window.panels.scenes_panel import draw_scenes_panel
+    from pointglass.viewer.window.panels.inspector import draw_inspector
+    from pointglass.viewer.window.panels.outliner import draw_outliner
     from pointglass.viewer.window.panels.status_bar import draw_status_bar
+    from pointglass.viewer.window.panels.tool_bar import draw_corner, draw_tool_bar
     from pointglass.viewer.window.panels.view_switch import draw_view_switch
 
-    made.area.panels.scenes = made.area.panels.look = not folded
+    made.area.panels.outliner = made.area.panels.inspector = not folded
     made.arrange(1.0)
     (context, box), actions = context_of(made, look), NoActions()
-    unchanged(made, lambda: draw_scenes_panel(made, box, context, actions, look))
-    unchanged(made, lambda: draw_look_panel(made, actions, look))
+    unchanged(made, lambda: draw_outliner(made, box, context, actions, look))
+    unchanged(made, lambda: draw_inspector(made, box, context, actions, look))
+    unchanged(made, lambda: draw_tool_bar(made, box, actions, look))
+    unchanged(made, lambda: draw_corner(made, actions, look))
     unchanged(made, lambda: draw_status_bar(made, look, fps=None))
     unchanged(made, lambda: draw_view_switch(made, actions, look))
     unchanged(made, lambda: hud.draw_profiler(made, look, fps=12.0))

@@ -26,13 +26,13 @@ def state(tmp_path, monkeypatch):
 def test_what_a_session_had_is_had_by_the_next_one(state):
     assert read_preferences() == Preferences()
     made, _ = session()
-    made.area.panels.look = False
+    made.area.panels.inspector = False
     made.view_settings.background = "sky"
     made.work.shot_scale = 3
     made.area.window_size = (1500, 900)
     write_preferences(preferences_of(made))
     kept = read_preferences()
-    assert (kept.width, kept.height, kept.scenes, kept.look) == (1500, 900, True, False)
+    assert (kept.width, kept.height, kept.outliner, kept.inspector) == (1500, 900, True, False)
     assert (kept.background, kept.shot_scale) == ("sky", 3)
     following, _ = session()
     take_preferences(following, kept)
@@ -58,8 +58,8 @@ def test_a_damaged_file_is_as_good_as_none(state, text, caplog):
 
 def test_fields_that_are_unknown_or_of_another_kind_are_left_out(state):
     state.mkdir()
-    (state / FILE).write_text(json.dumps({"look": "no", "scenes": False, "later": 1, "width": True}))
-    assert read_preferences() == Preferences(scenes=False)
+    (state / FILE).write_text(json.dumps({"inspector": "no", "outliner": False, "later": 1, "width": True}))
+    assert read_preferences() == Preferences(outliner=False)
 
 
 def test_a_folder_that_cannot_be_written_is_said_in_the_log(state, caplog):

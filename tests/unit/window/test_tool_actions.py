@@ -59,6 +59,9 @@ class Context:
     def pixels(self, length):
         return length
 
+    def tell_saved(self, path, text=""):
+        self.toast(text or f"Saved {path}")
+
     def toast(self, text):
         self.toasts.append(text)
 

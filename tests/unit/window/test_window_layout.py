@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pointglass.viewer.window.kit.layout import LOOK, NARROW, RAIL, SCENES, Panels, arrange
+from pointglass.viewer.window.kit.layout import INSPECTOR, NARROW, OUTLINER, Panels, arrange
 from pointglass.viewer.window.session.recent import MOST, load_thumbnail, recent_scans, remember
 
 
@@ -14,38 +14,41 @@ def test_nothing_overlaps_and_nothing_lies_outside_the_window(seed):
     width, height = float(rng.integers(320, 4000)), float(rng.integers(200, 2200))
     panels = Panels(bool(rng.integers(2)), bool(rng.integers(2)))
     made = arrange(width, height, scale, panels)
-    assert made.scenes is not None and made.look is not None and made.status is not None
-    for rect in (made.picture, made.scenes, made.look, made.status):
-        assert rect.left >= 0 and rect.top >= 0 and rect.width > 0 and rect.height > 0
-        assert rect.left + rect.width <= width + 1e-9 and rect.top + rect.height <= height + 1e-9
+    assert (made.outliner is not None, made.inspector is not None) == (panels.outliner, panels.inspector)
+    assert made.status is not None
+    for rect in (made.picture, made.outliner, made.inspector, made.status, made.uncovered):
+        if rect is not None:
+            assert rect.left >= 0 and rect.top >= 0 and rect.width > 0 and rect.height > 0
+            assert rect.right <= width + 1e-9 and rect.top + rect.height <= height + 1e-9
     assert made.picture.top + made.picture.height <= made.status.top + 1e-9
-    if not made.covering:
-        assert made.scenes.width <= made.picture.left + 1e-9
-        assert made.picture.left + made.picture.width <= made.look.left + 1e-9
-    used = made.picture.width + made.picture.left + (width - made.picture.left - made.picture.width)
-    assert used == pytest.approx(width)
+    left = made.outliner.right if made.outliner else 0.0
+    right = made.inspector.left if made.inspector else width
+    if made.covering:
+        assert (made.picture.left, made.picture.right) == (0.0, width)
+    else:
+        assert (made.picture.left, made.picture.right) == pytest.approx((left, right))
+        assert made.uncovered == made.picture
 
 
-def test_open_panels_take_their_width_and_folded_ones_a_rail():
-    made = arrange(1600.0, 900.0, 1.0, Panels(True, False))
-    assert (made.picture.left, made.picture.width) == (SCENES, 1600.0 - SCENES - RAIL)
-    made = arrange(1600.0, 900.0, 1.0, Panels(False, True))
-    assert (made.picture.left, made.picture.width) == (RAIL, 1600.0 - RAIL - LOOK)
+def test_the_picture_has_68_percent_of_a_common_window_and_all_of_it_where_panels_are_folded():
+    assert arrange(1280.0, 720.0, 1.0, Panels()).picture.width >= 0.68 * 1280
+    assert arrange(3840.0, 2160.0, 1.0, Panels()).picture.width == 3840 - OUTLINER[2] - INSPECTOR[2]
+    assert arrange(1000.0, 700.0, 1.0, Panels(False, False)).picture.width == 1000
 
 
 def test_panels_fold_once_where_it_becomes_narrow_and_open_again_as_they_were():
     panels = Panels(True, False)
     panels.fit(NARROW + 1, 1.0)
-    assert (panels.scenes, panels.look) == (True, False)
+    assert (panels.outliner, panels.inspector) == (True, False)
     panels.fit(NARROW - 1, 1.0)
-    assert (panels.scenes, panels.look) == (False, False)
-    panels.look = True  # opened by hand: it stays
+    assert (panels.outliner, panels.inspector) == (False, False)
+    panels.inspector = True  # opened by hand: it stays
     panels.fit(NARROW - 50, 1.0)
-    assert panels.look
+    assert panels.inspector
     panels.fit(NARROW + 1, 1.0)
-    assert (panels.scenes, panels.look) == (True, True)
+    assert (panels.outliner, panels.inspector) == (True, True)
     panels.fit(1.5 * NARROW, 2.0)
-    assert (panels.scenes, panels.look) == (False, False), "narrow by the screen's scale"
+    assert (panels.outliner, panels.inspector) == (False, False), "narrow by the screen's scale"
 
 
 def test_recent_scans_are_the_latest_first_each_once_and_keep_their_thumbnail(tmp_path, monkeypatch):

@@ -66,8 +66,8 @@ def test_text_and_controls_stand_out_from_what_is_behind_them():
         assert contrast(theme.TEXT, field) >= 4.5
     for filled in (theme.ACCENT, theme.TEXT, theme.DIM):  # a primary button, hovered and pressed
         assert contrast(theme.ACCENT_TEXT, filled) >= 4.5
-    assert contrast(theme.EDGE, theme.FIELD) >= 3.0 and contrast(theme.SLIDER, theme.FIELD) >= 3.0
-    assert contrast(theme.TEXT, theme.SLIDER) >= 3.0, "the value is written over the grip"
+    assert contrast(theme.EDGE, theme.FIELD) >= 3.0 and contrast(theme.ACCENT, theme.FIELD) >= 3.0
+    assert contrast(theme.TEXT, theme.SLIDER) >= 4.5, "the value is written over the bar"
     for colour in theme.OVERLAY_COLOURS.values():
         if colour is not theme.SHADE:
             assert contrast(colour, over(theme.SHADE, white)) >= 3.0 or contrast(colour, white) >= 3.0

@@ -12,7 +12,8 @@ from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.window.interaction.fly import Fly
 from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.table import TOOLS, toolbox
-from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
+from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, ToolContext
+from pointglass.viewer.window.interaction.toolbox import Toolbox
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint
 
 

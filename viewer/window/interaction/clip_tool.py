@@ -10,7 +10,9 @@ import numpy as np
 
 from ...picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
 from ...work.document import replaced, unique_name, without
+from ..kit import icons
 from .editing import edit, unit_of
+from .outline import Group, Row
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
@@ -112,7 +114,7 @@ class ClipOutlines(Overlay):
 class ClipTool(Tool):
     """Adds clips, drags their faces, turns and removes them."""
 
-    name, label, letter, key = "clip", "Clip", "B", "B"
+    name, label, icon, key = "clip", "Clip", icons.CLIP, "B"
     help = "clip boxes and slabs: drag a face by its handle"
     cursor = "hand"
 
@@ -204,6 +206,30 @@ class ClipTool(Tool):
         self.chosen = len(context.document.clips)
         edit(context, f"Add {name}", clips=(*context.document.clips, made))
 
+    def outline(self, context: ToolContext) -> tuple[Group]:
+        clips = context.document.clips
+
+        def choose(number: int) -> None:
+            self.chosen, self.wanted = number, True
+
+        return (Group(
+            "Clips", icons.CLIP, len(clips),
+            lambda number: Row(clips[number].name, shown=clips[number].active, chosen=number == self.chosen), choose,
+            show=lambda number, on: self._turn(context, number, on),
+            rename=lambda number, name: edit(context, "Rename clip", ("clip", number),
+                                             clips=replaced(clips, number, replace(clips[number], name=name))),
+            commands={"Delete": lambda number: edit(context, f"Delete {clips[number].name}", clips=without(clips, number))},
+        ),)  # fmt: skip
+
+    def _turn(self, context: ToolContext, number: int, on: bool) -> None:
+        """Turns a clip on or off, as far as so many can be on at once."""
+        clips = context.document.clips
+        if on and len(active(clips)) >= MOST_CLIPS:
+            context.toast(f"{MOST_CLIPS} clips can be active at once; turn one off")
+        else:
+            edit(context, f"Turn {clips[number].name} {'on' if on else 'off'}",
+                 clips=replaced(clips, number, replace(clips[number], active=on)))
+
     def panel(self, ui: Any, context: ToolContext) -> None:
         full = len(active(context.document.clips)) >= MOST_CLIPS
         ui.begin_disabled(full)
@@ -219,9 +245,8 @@ class ClipTool(Tool):
         for number, clip in enumerate(clips):
             ui.push_id(number)
             changed, on = ui.checkbox("##active", clip.active)
-            if changed and (not on or not full):
-                changed_clips = replaced(clips, number, replace(clip, active=on))
-                edit(context, f"Turn {clip.name} {'on' if on else 'off'}", clips=changed_clips)
+            if changed:
+                self._turn(context, number, on)
             ui.same_line()
             if ui.selectable(clip.name, number == self.chosen)[0]:
                 self.chosen = number

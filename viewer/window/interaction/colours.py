@@ -16,6 +16,8 @@ from ...picture.look import MOST_POINT_SIZE, TONES, Look
 from ...picture.views import POINT_VIEWS
 from ...render.raster.edit_block import ends_of
 from ...work.places.pick import station_name
+from ..kit import icons
+from ..kit.sliders import slider_float, slider_int
 from .editing import edit, unit_of
 from .tool import Overlay, Tool, ToolContext
 
@@ -82,7 +84,7 @@ class AttributeLegend(Overlay):
 class Colours(Tool):
     """Its panel holds the look; the pointer flies as usual."""
 
-    name, label, letter, key = "colours", "Colours", "C", "C"
+    name, label, icon, key = "colours", "Colours", icons.COLOURS, "C"
     help = "colour points by attribute; exposure, white balance, point size, lighting"
 
     def __init__(self) -> None:
@@ -152,7 +154,7 @@ class Colours(Tool):
         look = context.document.look
         ui.text_unformatted(name.replace("_", " "))
         ui.set_next_item_width(-1)
-        changed, value = ui.slider_float(f"##{name}", getattr(look, name), least, most, form, ui.SliderFlags_.always_clamp)
+        changed, value = slider_float(f"##{name}", getattr(look, name), least, most, form)
         if changed and least <= value <= most:
             self._change(context, name, **{name: float(value)})
         if ui.is_item_deactivated():
@@ -163,8 +165,7 @@ class Colours(Tool):
         ui.begin_disabled(off)
         ui.text_unformatted("point size")
         ui.set_next_item_width(-1)
-        clamp = ui.SliderFlags_.always_clamp
-        changed, size = ui.slider_int("##point size", look.point_size, 1, MOST_POINT_SIZE, "%d px", clamp)
+        changed, size = slider_int("##point size", look.point_size, 1, MOST_POINT_SIZE, "%d px")
         if changed and 1 <= size <= MOST_POINT_SIZE:
             self._change(context, "point_size", point_size=int(size))
         self._slider(ui, context, "edl", 0.0, 1.0, "%.2f")

@@ -5,6 +5,7 @@ The gestures about a point (middle drag, Ctrl+wheel, double click) are in ``arou
 
 from typing import TYPE_CHECKING
 
+from ..kit import icons
 from .around_point import AroundPoint
 from .tool import PointerEvent, Tool, ToolContext
 from .walk_mode import WalkMode
@@ -19,7 +20,7 @@ DRAG = 3.0
 class Fly(Tool):
     """The default tool.  It also receives what the selected tool does not use."""
 
-    name, label, letter = "fly", "Fly", "F"
+    name, label, icon = "fly", "Fly", icons.FLY
     help = "drag to look around; W, A, S, D, E and Q fly"
 
     def __init__(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from ...common.text import coordinate, plain
 from ...picture.colour_modes import CLASSES
 from ...work.places.pick import Picked, is_quick, surface_around
+from ..kit import icons
 from ..session.exact_points import ExactPoints
 from .editing import Pointing, unit_of
 from .tool import Overlay, PointerEvent, Tool, ToolContext
@@ -82,7 +83,7 @@ class UnderPointer(Overlay):
 class InspectPoint(Tool):
     """Marks the measured point under the pointer; a click opens its card, a click beside the scan closes it."""
 
-    name, label, letter, key = "inspect", "Inspect", "I", "I"
+    name, label, icon, key = "inspect", "Inspect", icons.INSPECT, "I"
     help = "click a point for its coordinates, scan, intensity, class and density"
     cursor = "crosshair"
     takes_clicks = picks = True

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ...picture.edits import UP_AXES
+from ..kit import icons
 from .editing import edit, step
 from .reference_panel import ReferencePanel
 from .tool import Tool, ToolContext
@@ -11,7 +12,7 @@ from .tool import Tool, ToolContext
 class SceneSettings(Tool):
     """Its panel holds what a person assigns to the scans; the pointer flies as usual."""
 
-    name, label, letter = "scene", "Scene", "S"
+    name, label, icon = "scene", "Scene", icons.SCENE
     help = "up axis, reference system, unit and project file"
 
     def __init__(self) -> None:

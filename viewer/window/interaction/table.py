@@ -13,7 +13,8 @@ from .measuring.measure import Measure
 from .scene_settings import SceneSettings
 from .section.section_tool import SectionTool
 from .stations.stations_tool import Stations
-from .tool import Overlay, Tool, Toolbox
+from .tool import Overlay, Tool
+from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (

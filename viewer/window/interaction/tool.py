@@ -7,15 +7,15 @@ they may lie outside the picture while a button is held.  Distances dragged are 
 has the same size on every screen.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ..kit.clipboard import Clipboard
 from ..kit.image_texture import texture_of
-from .waiting_clicks import KEYS, WaitingClicks
 
 if TYPE_CHECKING:
     import moderngl
@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from ..file_dialog.file_dialogs import FileDialogs
     from ..kit.overlay import OverlayCanvas
     from ..kit.theme import Theme
+    from ..kit.worker import Worker
     from ..saving.save_actions import SaveActions
     from ..session.session import Session
     from ..viewport.viewport import Viewport
+    from .outline import Group
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,10 @@ class ToolContext:
         """Shows a line for a few seconds."""
         self.session.notices.toast(text)
 
+    def tell_saved(self, path: Path, text: str = "") -> None:
+        """Says that a file was saved, in these words where there are any, and lists it with the jobs."""
+        self.session.notices.tell_saved(path, text)
+
     def texture(self, image: np.ndarray) -> "moderngl.Texture":
         """A texture of (H, W, 3) uint8, for the interface; whoever asks for it releases it."""
         return texture_of(self.viewport.context, image)
@@ -133,18 +139,19 @@ class ToolContext:
 class Tool:
     """Base class of all tools; each method may be left as it is.
 
-    name: identifier, unique, lower case.  label: on its button.  letter: one or two characters drawn on the button.
+    name: identifier, unique, lower case.  label: its name for a person.
+    icon: of viewer.window.kit.icons, on its button; the first letter of its label where it has none.
     help: one line, for the tooltip and the table of controls.  key: GLFW's name of the key that selects it, "" for none.
     cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
     takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
     picks: whether a click asks what lies under the pointer: it then waits until the picture is at rest.
-    wanted: what it had begun was restored: it is to be selected.
+    wanted: what it had begun was restored, or something of it was chosen in the outliner: it is to be selected.
     answering: whether what a click makes of the document is still being worked out.
     """
 
     name = ""
     label = ""
-    letter = ""
+    icon = ""
     help = ""
     key = ""
     cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
@@ -175,6 +182,10 @@ class Tool:
     def panel(self, ui: Any, context: ToolContext) -> None:
         """Draws its rows in the tool panel while it is selected.  ui: the ``imgui`` module, inside a window."""
 
+    def outline(self, context: ToolContext) -> "Sequence[Group]":
+        """What the outliner lists of it, selected or not, while a scan is shown."""
+        return ()
+
     def selected(self, context: ToolContext) -> None:
         """The tool was selected."""
 
@@ -184,6 +195,11 @@ class Tool:
     def follow(self, context: ToolContext) -> None:
         """Called in every turn of the window's loop, selected or not, before the interface is drawn: takes what work in the
         background and readings of the picture have brought."""
+
+    @property
+    def workers(self) -> "Sequence[Worker | None]":
+        """Work under way that a person may watch and give up; it is listed with its title.  None: of what does not run."""
+        return ()
 
     @property
     def unfinished(self) -> str:
@@ -208,111 +224,3 @@ class Overlay:
 
     def follow(self, context: ToolContext) -> None:
         """Called in every turn of the window's loop, as a tool's."""
-
-
-class Toolbox:
-    """The tools of one window and the one that is selected.  Fly is first; it also receives what the selected tool leaves."""
-
-    def __init__(self, tools: list[Tool], overlays: list[Overlay]):
-        self.tools, self.overlays = tools, overlays
-        self.fly = self.active = tools[0]
-        self._holder: Tool | None = None  # used the press: receives everything until the release
-        self._waiting: WaitingClicks[PointerEvent | KeyEvent] = WaitingClicks()
-
-    def select(self, name: str, context: ToolContext) -> None:
-        """Selects the tool ``name``; selecting the active one goes back to Fly."""
-        chosen = next(tool for tool in self.tools if tool.name == name)
-        if chosen is self.active:
-            chosen = self.fly
-        if chosen is not self.active:
-            self.release(context)
-            self._waiting.forget()
-            self.active.left(context)
-            self.active = chosen
-            chosen.selected(context)
-
-    def follow(self, context: ToolContext) -> None:
-        """Lets every tool and overlay take what its work in the background has brought."""
-        for shown in self.overlays:
-            shown.follow(context)
-        for tool in self.tools:
-            tool.follow(context)
-            if tool.wanted:
-                tool.wanted = False
-                if tool is not self.active:
-                    self.select(tool.name, context)
-        for event, at in self._waiting.answerable(context):
-            if isinstance(event, KeyEvent):
-                self.active.key_event(event, context)
-            else:
-                self.active.pointer(replace(event, position=at or event.position), context)
-
-    @property
-    def answering(self) -> bool:
-        """Whether a click is not answered yet: it may still change the document."""
-        return bool(self._waiting) or any(tool.answering for tool in self.tools)
-
-    @property
-    def unfinished(self) -> list[str]:
-        """What tools would lose if the window closed now."""
-        return [tool.unfinished for tool in self.tools if tool.unfinished]
-
-    def close(self) -> None:
-        """Ends the work of every tool."""
-        for tool in self.tools:
-            tool.close()
-
-    def pointer(self, event: PointerEvent, context: ToolContext) -> None:
-        """Gives an event to the tool that holds the pointer, else to the selected tool and then to Fly."""
-        if self._holder is not None:
-            taken = self._holder is self.fly is not self.active and self.active.takes_clicks
-            self._holder.pointer(replace(event, clicks=0) if taken else event, context)
-            if event.kind in ("release", "leave"):
-                if event.clicks and self._holder is not self.active:  # a press that Fly took turned out to be a click
-                    self._give(self.active, event, context)
-                self._holder = None
-            return
-        for tool in dict.fromkeys((self.active, self.fly)):
-            if self._give(tool, event, context):
-                if event.kind == "press":
-                    self._holder = tool
-                return
-
-    def _give(self, tool: Tool, event: PointerEvent, context: ToolContext) -> bool:
-        """Gives an event to a tool, a click later where it has to wait.  Returns whether the tool used it."""
-        if tool.picks and event.kind == "release" and event.clicks:
-            context.session.shown_scan.touched = True
-            if self._waiting.keeps(event, context, event.position):
-                return False
-        return tool.pointer(event, context)
-
-    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
-        """Gives a key to the selected tool.  Returns whether it used it."""
-        if event.key == "ESCAPE":
-            self._waiting.forget()
-        elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context):
-            return True
-        return self.active.key_event(event, context)
-
-    def release(self, context: ToolContext) -> None:
-        """Ends a drag that is under way: the window lost the focus, or a dialog opened."""
-        holder, self._holder = self._holder, None
-        if holder is not None:
-            holder.pointer(PointerEvent("leave", (0.0, 0.0)), context)
-
-    @property
-    def holding(self) -> bool:
-        """Whether a tool holds the pointer."""
-        return self._holder is not None
-
-    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        """Draws the overlays and what Fly and the selected tool draw."""
-        for shown in self.overlays:
-            if shown.visible:
-                shown.draw(overlay, context)
-        for tool in dict.fromkeys((self.active, self.fly)):
-            tool.draw(overlay, context)
-        if self.active.cursor == "crosshair" and context.session.pointer is not None:
-            overlay.crosshair(context.session.pointer)
-            if text := self.active.hint(context):
-                overlay.hint(context.session.pointer, text)

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from ...picture.provenance_tint import COLOURS, NAMES, Shares, shares
+from ..kit import icons
 from .editing import edit
 from .tool import Tool, ToolContext
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 class WhatIsReal(Tool):
     """While it is selected, pictures are tinted by provenance."""
 
-    name, label, letter, key = "provenance", "What is real", "R", "M"
+    name, label, icon, key = "provenance", "What is real", icons.PROVENANCE, "M"
     help = "tint pixels: measured, repainted, filled or background"
 
     def __init__(self) -> None:

@@ -1,6 +1,6 @@
 """Messages: a dialog that stays until it is closed, toasts that disappear by themselves, and notices about the scan.
 
-No window: ``dialogs``, ``hud`` and ``scenes_panel`` draw what is here.  Times are seconds on the session's clock.
+No window: ``dialogs``, ``hud`` and ``outliner`` draw what is here.  Times are seconds on the session's clock.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,8 @@ Problem = str | Exception
 """What went wrong: a sentence, or an error, which is put into the window's words when it is shown."""
 TOAST_SECONDS = 4.0
 NOTE_SECONDS = 10.0
+MOST_SAVED = 5
+"""Saved files that are listed; they are also in the folder of the last."""
 _OPTIONS = {"--size": "window", "--view": "view", "--filter": "filter", "--quality": "quality", "--precision": "precision",
             "--device": "device", "--out": "place", "--resume": "the same folder"}  # fmt: skip
 """Of the command line's options, those that a person finds in the window: option -> what it is called there."""
@@ -114,14 +116,15 @@ Offer = KeepAsScanned | LoadAllPoints | Brighten | OpenProject | CallUp
 
 @dataclass(frozen=True)
 class ScanNotice:
-    """Something to know about the scan shown; it stays in the scene list.  offer: what can be done about it."""
+    """Something to know about the scan shown; it stays in the outliner.  offer: what can be done about it."""
 
     text: str
     offer: Offer | None = None
 
 
 class Notices:
-    """message: the dialog that is open, else None.  toasts: three at most, the latest last.  of_scan: about the scan shown."""
+    """message: the dialog that is open, else None.  toasts: three at most, the latest last.  of_scan: about the scan shown.
+    saved: files that were saved from this window, the latest last."""
 
     def __init__(self, clock: Callable[[], float]):
         self._clock = clock
@@ -129,6 +132,7 @@ class Notices:
         self._answered: Callable[[], object] | None = None
         self.toasts: list[Toast] = []
         self.of_scan: list[ScanNotice] = []
+        self.saved: list[Path] = []
 
     def tell_of_scan(self, found: "list[ScanNotice]") -> None:
         """What is to be known of the scan that is shown now; the first two also as toasts, which stay longer than others."""
@@ -174,6 +178,16 @@ class Notices:
         if subject is not None:
             self.drop(subject)
         self.toasts = [*self.toasts[-2:], Toast(text, self._clock() + seconds, of_scene, subject)]
+
+    def tell_saved(self, path: Path, text: str = "") -> None:
+        """Says that a file was saved, and keeps it in the list of jobs.  text: what is said, where "Saved PATH" is not all."""
+        self.forget_saved(path)
+        self.saved = [*self.saved[1 - MOST_SAVED :], path]
+        self.toast(text or f"Saved {path}")
+
+    def forget_saved(self, path: Path) -> None:
+        """Takes a file off the list."""
+        self.saved = [other for other in self.saved if other != path]
 
     def drop(self, subject: ToastSubject) -> None:
         """Forgets the toast about ``subject``."""

@@ -8,11 +8,14 @@ tests/unit/window/test_window_theme.py computes it.
 
 from pathlib import Path
 
+import imgui_bundle
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ....model.common.linear_light import LUMINANCE, to_linear
 from .drawable_text import accept_any_text
 
+FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
+ICONS = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
 FONT_SIZE = 16.0
 SMALL = 14.0
 TITLE = 20.0
@@ -26,12 +29,13 @@ def _colour(text: str, alpha: float = 1.0) -> ImVec4:
 TEXT = _colour("#E9EBEE")
 DIM = _colour("#A3A9B3")
 ACCENT = _colour("#5CC4C0")
-SLIDER = _colour("#2A8581")
+SLIDER = _colour("#1F6663")
 ACCENT_TEXT = _colour("#0E1B1B")
 PANEL = _colour("#1D2025", 0.96)
 FIELD = _colour("#2C3038")
 FIELD_OVER = _colour("#383D47")
 FIELD_DOWN = _colour("#454B57")
+NOTHING = _colour("#000000", 0.0)
 LINE = _colour("#3A3F49")
 EDGE = _colour("#828996")
 WARN = _colour("#F0B95B")
@@ -48,14 +52,21 @@ class Theme:
     """Owns fonts and style of the current imgui context.  Fonts: regular and bold."""
 
     def __init__(self, scale: float):
-        import imgui_bundle
-
         accept_any_text(imgui)
-        folder = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto"
+        folder = FONTS / "Roboto"
         fonts = imgui.get_io().fonts
         self.regular = fonts.add_font_from_file_ttf(str(folder / "Roboto-Regular.ttf"), FONT_SIZE)
+        self._add_icons(fonts)
         self.bold = fonts.add_font_from_file_ttf(str(folder / "Roboto-Bold.ttf"), FONT_SIZE)
+        self._add_icons(fonts)
         self.rescale(scale)
+
+    @staticmethod
+    def _add_icons(fonts: imgui.ImFontAtlas) -> None:
+        """Adds the icons to the font that was added last."""
+        merged = imgui.ImFontConfig()
+        merged.merge_mode, merged.glyph_offset = True, ImVec2(0.0, 0.5)
+        fonts.add_font_from_file_ttf(str(ICONS), FONT_SIZE - 1, merged)
 
     def rescale(self, scale: float) -> None:
         """Adapts to a screen of another density."""

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 from ...picture.settings import CHOICES, Settings
 from . import theme
 from .layout import Rect
+from .sliders import CLAMP, LOGARITHMIC, slider_float
 from .theme import Theme, packed, text_in
 
 DOCKED = (
@@ -21,8 +22,7 @@ DOCKED = (
 FLOATING = DOCKED | imgui.WindowFlags_.always_auto_resize
 PASSIVE = FLOATING | imgui.WindowFlags_.no_inputs
 MARGIN = 14.0
-CLAMP = imgui.SliderFlags_.always_clamp
-_LABEL = 104.0
+_LABEL = 92.0
 
 
 def begin_docked(name: str, rect: Rect, style: Theme, *, padding: tuple[float, float] = (14, 12), scroll: bool = True) -> None:
@@ -38,9 +38,9 @@ def begin_docked(name: str, rect: Rect, style: Theme, *, padding: tuple[float, f
     imgui.pop_style_var(3)
 
 
-def to_the_right(text: str, style: Theme) -> None:
-    """Places a small button of ``text`` on the line of the last item, ending where the content ends (left of a scroll bar)."""
-    width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
+def to_the_right(width: float) -> None:
+    """Places what comes next, so many pixels wide, on the line of the last item, ending where the content ends (left of a
+    scroll bar)."""
     imgui.same_line(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x - width)
 
 
@@ -51,6 +51,20 @@ def heading(text: str, style: Theme) -> None:
     imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(text)
     imgui.pop_font()
+
+
+def section(title: str, style: Theme, *, opened: bool = False) -> bool:
+    """The title of a section that folds.  opened: at first.  Returns whether it is open."""
+    imgui.set_next_item_open(opened, imgui.Cond_.once)
+    imgui.push_font(style.bold, theme.FONT_SIZE - 1)
+    imgui.push_style_color(imgui.Col_.header, theme.NOTHING)
+    imgui.push_style_var(imgui.StyleVar_.frame_border_size, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(style.px(5), style.px(4)))
+    is_open = imgui.collapsing_header(title)
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+    imgui.pop_font()
+    return is_open
 
 
 COMPACT = 6.0
@@ -124,8 +138,10 @@ def button(text: str, style: Theme, *, width: float = 0.0, primary: bool = False
     return pressed
 
 
-def link(text: str) -> bool:
-    """A button that looks like coloured text."""
+def link(text: str, *, beside_buttons: bool = False) -> bool:
+    """A button that looks like coloured text.  beside_buttons: as low as the text of buttons on its line."""
+    if beside_buttons:
+        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + imgui.get_style().frame_padding.y)
     for slot in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active):
         imgui.push_style_color(slot, (0, 0, 0, 0))
     imgui.push_style_color(imgui.Col_.text, theme.ACCENT)
@@ -142,7 +158,7 @@ def link(text: str) -> bool:
 
 def slider(name: str, value: float, least: float, most: float, form: str) -> float:
     """A logarithmic slider.  Returns the value chosen; typed text that is not a number within the limits is ignored."""
-    changed, chosen = imgui.slider_float(name, value, least, most, form, imgui.SliderFlags_.logarithmic | CLAMP)
+    changed, chosen = slider_float(name, value, least, most, form, LOGARITHMIC | CLAMP)
     return chosen if changed and least <= chosen <= most else value
 
 
@@ -169,26 +185,25 @@ def setting(settings: Settings, name: str, text: str, style: Theme, *, disabled:
     return settings if chosen == value else replace(settings, **{name: chosen})
 
 
-def rail_button(letter: str, explained: str, style: Theme, *, lit: bool = False) -> bool:
-    """A square button of a folded panel."""
-    side = imgui.get_content_region_avail().x
+def icon_button(icon: str, explained: str, style: Theme, *, side: float, lit: bool = False) -> bool:
+    """A square button without an edge.  icon: of kit.icons, with imgui's ``##name``.  side: pixels."""
+    imgui.push_style_color(imgui.Col_.button, theme.ACCENT if lit else theme.NOTHING)
     if lit:
-        imgui.push_style_color(imgui.Col_.button, theme.ACCENT)
         imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, 0))
-    pressed = imgui.button(letter, ImVec2(side, side))
-    imgui.pop_style_var()
-    if lit:
-        imgui.pop_style_color(2)
+    imgui.push_style_var(imgui.StyleVar_.frame_border_size, 0.0)
+    pressed = imgui.button(icon, ImVec2(side, side))
+    imgui.pop_style_var(2)
+    imgui.pop_style_color(1 + lit)
     hint(explained, style)
     return pressed
 
 
-def facts(rows: Iterable[tuple[str, str]], style: Theme, name: str = "facts") -> None:
-    """Names and values in two columns."""
+def facts(rows: Iterable[tuple[str, str]], style: Theme, name: str = "facts", *, first: float = 76.0) -> None:
+    """Names and values in two columns.  first: width of the names, design units."""
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
     if imgui.begin_table(name, 2, flags):
-        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, style.px(76))
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, style.px(first))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
         for title, value in rows:
             imgui.table_next_row()

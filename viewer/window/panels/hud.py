@@ -11,6 +11,7 @@ from ..kit.widgets import FLOATING, MARGIN, PASSIVE
 from ..session.panel_actions import Actions
 from ..session.session import Session
 from .status_bar import drawn_text
+from .tool_bar import WIDTH
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 _LOST_BOX = 112.0, 44.0
@@ -22,7 +23,7 @@ def draw_profiler(session: Session, style: Theme, *, fps: float | None) -> None:
     cost, px, area = session.picture.cost, style.px, session.area.layout.picture
     if session.scene is None or cost is None or not session.profiler:
         return
-    imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
+    imgui.set_next_window_pos(ImVec2(area.left + px(WIDTH + MARGIN), area.top + px(52)))
     imgui.begin("profiler", None, PASSIVE)
     imgui.push_font(style.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(session.shown_scan.title, px(_TITLE_WIDTH)))

@@ -1,4 +1,4 @@
-"""The look panel at the right, made from the tables of ``viewer/picture/settings.py``: a choice added there appears here.
+"""How the picture is made, from the tables of ``viewer/picture/settings.py``: a choice added there appears here.
 
 What most people want is at the top in plain words; "Advanced" holds the rest.  A choice that has no effect or cannot be
 made is disabled, and its tooltip says why.
@@ -12,20 +12,17 @@ from imgui_bundle import ImVec2, imgui
 from ...picture.background import COLOURS
 from ...picture.settings import BACKGROUNDS, CHOICES, Settings
 from ...picture.views import VIEWS
-from ..kit import theme
+from ..kit.sliders import slider_float, slider_int
 from ..kit.theme import Theme
 from ..kit.widgets import (  # fmt: skip
-    CLAMP,
-    begin_docked,
     button,
     combo,
     heading,
     hint,
     label,
-    rail_button,
+    section,
     setting,
     slider,
-    to_the_right,
 )
 from ..planning.networks import missing_qualities
 from ..session.panel_actions import Actions
@@ -37,47 +34,17 @@ _NO_FILTER = "The filter is off."
 _NO_NETWORK = "Only the neural view uses the network."
 
 
-def draw_look_panel(session: Session, actions: Actions, style: Theme) -> None:
-    """At the right, open or folded to its icons.  Every change is a new Settings record, requested of the session."""
-    place = session.area.layout.look
-    if place is None:
-        return
-    if not session.area.panels.look:
-        begin_docked("look folded", place, style, padding=(5, 6), scroll=False)
-        imgui.push_font(style.bold, theme.FONT_SIZE)
-        if rail_button("<<##look", "Show how the picture is made", style):
-            actions.fold("look", False)
-        if rail_button("?##help", "Controls (F1)", style):
-            actions.do("help")
-        if rail_button("ms##profiler", "Where the time of a frame goes (F3)", style, lit=session.profiler):
-            actions.do("profiler")
-        imgui.pop_font()
-        imgui.end()
-        return
-    begin_docked("look", place, style)
-    imgui.push_font(style.regular, theme.FONT_SIZE - 1)
+def draw_look(session: Session, actions: Actions, style: Theme) -> None:
+    """The rows, in the window that is open.  Every change is a new Settings record, requested of the session."""
     old = session.view_settings.shown_settings
-    heading("Look", style)
-    to_the_right(">>", style)
-    if imgui.small_button(">>##fold look"):
-        actions.fold("look", True)
-    hint("Fold this panel", style)
     new = _look(session, actions, old, style)
     imgui.dummy(ImVec2(0, style.px(4)))
-    if imgui.collapsing_header("Advanced"):
+    if section("Advanced", style):
         new = _advanced(session, new, style)
     imgui.dummy(ImVec2(0, style.px(4)))
     usual = new == Settings(view=new.view)
     if button("Back to defaults", style, width=-1, disabled="Everything is as it was at first." if usual else ""):
         new = Settings(view=new.view)
-    half = (imgui.get_content_region_avail().x - style.px(8)) / 2
-    if button("Controls", style, width=half, explained="Keys and mouse (F1)"):
-        actions.do("help")
-    imgui.same_line(0, style.px(8))
-    if button("Profiler", style, width=half, explained="Where the time of a frame goes (F3)"):
-        actions.do("profiler")
-    imgui.pop_font()
-    imgui.end()
     if new != old:
         actions.request(new)
 
@@ -92,13 +59,13 @@ def _look(session: Session, actions: Actions, new: Settings, style: Theme) -> Se
     label("detail", _NO_NETWORK if not neural else "From smooth to every measured grain; in the middle, what the scan's noise "
           "suggests", style)
     imgui.begin_disabled(not neural)
-    changed, detail = imgui.slider_float("##detail", new.detail, 0.0, 2.0, _detail_text(new.detail), CLAMP)
+    changed, detail = slider_float("##detail", new.detail, 0.0, 2.0, _detail_text(new.detail))
     imgui.end_disabled()
     hint("" if neural else _NO_NETWORK, style)
     if changed and 0.0 <= detail <= 2.0:
         new = replace(new, detail=detail)
     label("compare", "Two views side by side (key V)", style)
-    changed, on = imgui.checkbox("with", chosen.split)
+    changed, on = imgui.checkbox("##compare", chosen.split)
     if changed:
         actions.compare(on)
     imgui.same_line()
@@ -134,9 +101,7 @@ def _advanced(session: Session, new: Settings, style: Theme) -> Settings:
     hint(_NO_FILTER if off else "", style)
     label("levels", "Levels of the depth pyramid; auto is the preset's own", style)
     imgui.begin_disabled(off)
-    changed, value = imgui.slider_int(
-        "##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d", CLAMP
-    )
+    changed, value = slider_int("##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d")
     imgui.end_disabled()
     hint(_NO_FILTER if off else "", style)
     if changed and 0 <= value <= 12:
@@ -150,7 +115,7 @@ def _advanced(session: Session, new: Settings, style: Theme) -> Settings:
     imgui.same_line()
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(every)
-    value = slider("##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f per pixel")
+    value = slider("##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f a pixel")
     imgui.end_disabled()
     if new.lod is not None:
         new = replace(new, lod=value)

@@ -82,7 +82,7 @@ class SaveActions:
         if shot is None and self._session.work.shot_scale > 1:
             again += ", and it has the window's size"
         over = f" with {counted(len(measurements), 'measurement')}" if measurements else ""
-        self._session.notices.toast(f"Saved {path}{over}{again}")
+        self._session.notices.tell_saved(path, f"Saved {path}{over}{again}")
         return path
 
     def _measurements(self) -> "tuple[tuple[Measurement, ...], str]":
@@ -130,8 +130,10 @@ class SaveActions:
         self._name.close()
         if done.error is not None:
             self._session.notices.say("The picture was not saved", done.error)
+        elif done.result is None:
+            self._session.notices.toast("The picture was given up")
         else:
-            self._session.notices.toast(f"Saved {done.result}")
+            self._session.notices.tell_saved(done.result)
 
     def close(self) -> None:
         """Waits a little for a picture that is being rendered; the file appears whole or not at all."""

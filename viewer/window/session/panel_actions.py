@@ -19,8 +19,8 @@ class Actions(Protocol):
     def open(self, paths: Sequence[Path]) -> None:
         """Opens scans or a project instead of what is open, once that is saved or given up."""
 
-    def fold(self, panel: Literal["scenes", "look"], folded: bool) -> None:
-        """Folds a panel to its icons, or opens it."""
+    def fold(self, panel: Literal["outliner", "inspector"], folded: bool) -> None:
+        """Folds a panel away, or opens it."""
 
     def request(self, settings: Settings) -> None:
         """Asks for pictures with these settings."""
@@ -48,6 +48,12 @@ class Actions(Protocol):
 
     def act_on_notice(self, offer: Offer) -> None:
         """Does what a notice about the scan offers."""
+
+    def open_saved(self, path: Path) -> None:
+        """Opens a file that was saved, or a folder, outside the window."""
+
+    def forget_saved(self, path: Path) -> None:
+        """Takes a saved file off the list of jobs."""
 
     def answer(self, number: int) -> None:
         """Presses a button of the message that is open."""

@@ -29,13 +29,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Preferences:
-    """width, height: of the window, logical pixels.  scenes, look: whether the panels are open.  background: a key of
+    """width, height: of the window, logical pixels.  outliner, inspector: whether the panels are open.  background: a key of
     BACKGROUNDS.  shot_scale: times the window's size that F12 saves.  quality, detail: as in Settings."""
 
     width: int = 1280
     height: int = 720
-    scenes: bool = True
-    look: bool = True
+    outliner: bool = True
+    inspector: bool = True
     background: str = "plain"
     shot_scale: int = 1
     quality: str = DEFAULT
@@ -81,14 +81,15 @@ def preferences_of(session: "Session") -> Preferences | None:
     density = session.area.density
     panels, chosen = session.area.panels, session.view_settings
     try:
-        return Preferences(round(width / density), round(height / density), panels.scenes, panels.look, chosen.background,
-                           session.work.shot_scale, chosen.shown_settings.quality, float(chosen.shown_settings.detail))
+        return Preferences(round(width / density), round(height / density), panels.outliner, panels.inspector,
+                           chosen.background, session.work.shot_scale, chosen.shown_settings.quality,
+                           float(chosen.shown_settings.detail))
     except InputError:
         return None
 
 
 def take_preferences(session: "Session", kept: Preferences) -> None:
     """Puts into a new session what is not part of its settings or its window's size."""
-    session.area.panels.scenes, session.area.panels.look = kept.scenes, kept.look
+    session.area.panels.outliner, session.area.panels.inspector = kept.outliner, kept.inspector
     session.view_settings.background = kept.background
     session.work.shot_scale = kept.shot_scale

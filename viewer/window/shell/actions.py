@@ -14,8 +14,10 @@ from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
-from ..interaction.tool import KeyEvent, Toolbox, ToolContext
+from ..interaction.tool import KeyEvent, ToolContext
+from ..interaction.toolbox import Toolbox
 from ..kit.notices import Offer
+from ..saving.open_result import open_path
 from ..saving.save_actions import SaveActions
 from ..session.project_flow import ProjectFlow
 from ..session.recovery import Recoverable
@@ -68,7 +70,7 @@ class WindowActions:
     def ask_to_discard(self, found: Recoverable) -> None:
         self._host.projects.ask_to_discard(found)
 
-    def fold(self, panel: Literal["scenes", "look"], folded: bool) -> None:
+    def fold(self, panel: Literal["outliner", "inspector"], folded: bool) -> None:
         setattr(self._session.area.panels, panel, not folded)
 
     def request(self, settings: Settings) -> None:
@@ -101,6 +103,15 @@ class WindowActions:
 
     def act_on_notice(self, offer: Offer) -> None:
         act_on_notice(self._session, offer)
+
+    def open_saved(self, path: Path) -> None:
+        if not path.exists():
+            self._session.notices.toast(f"{path} is not there any more")
+        elif not open_path(path):
+            self._session.notices.toast(f"There is no xdg-open here to open {path} with")
+
+    def forget_saved(self, path: Path) -> None:
+        self._session.notices.forget_saved(path)
 
     def answer(self, number: int) -> None:
         self._session.notices.answer(number)

@@ -10,7 +10,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from ..interaction.controls import Control, by_chord, by_key
-from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
+from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, ToolContext
+from ..interaction.toolbox import Toolbox
 from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping

@@ -4,15 +4,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ..kit.overlay import OverlayCanvas
 from ..panels import dialogs, hud
-from ..panels.look_panel import draw_look_panel
-from ..panels.scenes_panel import draw_scenes_panel
+from ..panels.inspector import draw_inspector
+from ..panels.outliner import draw_outliner
 from ..panels.status_bar import draw_status_bar
+from ..panels.tool_bar import draw_corner, draw_tool_bar
 from ..panels.view_switch import draw_view_switch
 
 if TYPE_CHECKING:
     from ..file_dialog.choice_window import ChoiceWindow
     from ..file_dialog.file_dialogs import FileDialogs
-    from ..interaction.tool import Toolbox, ToolContext
+    from ..interaction.tool import ToolContext
+    from ..interaction.toolbox import Toolbox
     from ..kit.chosen_button import ChosenButton
     from ..kit.theme import Theme
     from ..panels.missing_scans import MissingScansDialog
@@ -67,10 +69,12 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
     if session.interface and session.scene is not None:
         _overlays(app)
         hud.draw_handle(session, look, hovered=over)
-        draw_scenes_panel(session, app.toolbox, app.tools, app.actions, look)
-        draw_look_panel(session, app.actions, look)
+        draw_outliner(session, app.toolbox, app.tools, app.actions, look)
+        draw_inspector(session, app.toolbox, app.tools, app.actions, look)
         draw_status_bar(session, look, fps=app.viewport.frame_rate)
         if not session.help:  # which covers the middle of the picture
+            draw_tool_bar(session, app.toolbox, app.actions, look)
+            draw_corner(session, app.actions, look)
             draw_view_switch(session, app.actions, look)
             hud.draw_profiler(session, look, fps=app.viewport.frame_rate)
             hud.draw_recording(session, look)

@@ -132,7 +132,7 @@ class CameraPathEditor:
             told = unwritable(file, error) if isinstance(error, OSError) else error
             context.session.notices.say("The camera path cannot be written", told)
         else:
-            context.toast(f"Saved {file}")
+            context.tell_saved(file)
 
     def show_at(self, context: ToolContext, seconds: float) -> None:
         """Puts the camera where the path is after so many seconds."""

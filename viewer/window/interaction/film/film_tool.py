@@ -16,11 +16,14 @@ from ....common.text import left_text
 from ....picture.views import VIEWS
 from ....work.cameras.keyframes import cameras_along, path_seconds
 from ....work.document import Viewpoint, replaced, unique_name, without
+from ...kit import icons
+from ...kit.sliders import slider_float
 from ...kit.widgets import compact_button, compact_width
 from ...kit.worker import Worker
 from ...planning.networks import missing_qualities
 from ...session.work import LARGEST_SHOT
 from ..editing import edit, end, ended
+from ..outline import Group, Row
 from ..tool import KeyEvent, Tool, ToolContext
 from .camera_path_editor import CameraPathEditor, fly_to
 from .film_job import FilmJob, film_worker
@@ -43,7 +46,7 @@ RATES = (24.0, 25.0, 30.0, 60.0)
 class Film(Tool):
     """Its panel has three parts: bookmarks, the path, the video."""
 
-    name, label, letter, key = "film", "Film", "V", "K"
+    name, label, icon, key = "film", "Film", icons.FILM, "K"
     help = "bookmarks, camera path with preview, video and panorama"
 
     def __init__(self) -> None:
@@ -60,6 +63,26 @@ class Film(Tool):
         found = context.document.viewpoints
         name = unique_name("View", (view.name for view in found))
         edit(context, f"Add bookmark {name}", viewpoints=(*found, Viewpoint.of(context.camera, name)))
+
+    def outline(self, context: ToolContext) -> tuple[Group]:
+        found = context.document.viewpoints
+        return (Group(
+            "Viewpoints", icons.VIEWPOINT, len(found),
+            lambda number: Row(found[number].name, about=f"{found[number].name}: a click flies there"),
+            lambda number: fly_to(context, found[number]),
+            rename=lambda number, name: self._rename(context, number, name),
+            commands={"Append to the camera path": lambda number: self.path.add_keyframe(context, found[number]),
+                      "Delete": lambda number: self._delete(context, number)},
+        ),)  # fmt: skip
+
+    def _rename(self, context: ToolContext, number: int, name: str) -> None:
+        found = context.document.viewpoints
+        edit(context, "Rename bookmark", ("bookmark", number),
+             viewpoints=replaced(found, number, replace(found[number], name=name)))
+
+    def _delete(self, context: ToolContext, number: int) -> None:
+        found = context.document.viewpoints
+        edit(context, f"Delete bookmark {found[number].name}", viewpoints=without(found, number))
 
     def left(self, context: ToolContext) -> None:
         self.path.playing = False
@@ -110,8 +133,12 @@ class Film(Tool):
             whole = self.out is None or self.out.suffix.lower() in MP4
             kept = "" if whole else "; the frames made so far stay, and are kept the next time"
             context.toast(f"Film cancelled{kept}")
-        elif done.error is None:
-            context.toast(str(done.result))
+        elif done.error is None and self.out is not None:
+            context.tell_saved(self.out, str(done.result))
+
+    @property
+    def workers(self) -> "tuple[Worker | None, ...]":
+        return (self.worker,)
 
     @property
     def unfinished(self) -> str:
@@ -134,7 +161,7 @@ class Film(Tool):
             ui.set_tooltip(f"F12 and F9 save under new names in {context.saves.folder}")
         ui.set_next_item_width(-1)
         lens = context.session.flight.field_of_view
-        changed, degrees = ui.slider_float("##lens", lens, *LENSES, "field of view %.0f°", ui.SliderFlags_.always_clamp)
+        changed, degrees = slider_float("##lens", lens, *LENSES, "field of view %.0f°")
         if changed and LENSES[0] <= degrees <= LENSES[1]:
             self.path.change_lens(context, float(degrees))
         self._bookmarks(ui, context)
@@ -152,8 +179,7 @@ class Film(Tool):
             ui.set_next_item_width(-compact_width(("go", "key", "x"), context.theme))
             changed, name = ui.input_text("##name", view.name)
             if changed:
-                renamed = replaced(found, number, replace(view, name=name))
-                edit(context, "Rename bookmark", ("bookmark", number), viewpoints=renamed)
+                self._rename(context, number, name)
             ui.same_line()
             if compact_button("go", context.theme):
                 fly_to(context, view)
@@ -166,7 +192,7 @@ class Film(Tool):
             gone = compact_button("x", context.theme)
             ui.pop_id()
             if gone:
-                edit(context, f"Delete bookmark {view.name}", viewpoints=without(found, number))
+                self._delete(context, number)
                 return
 
     def _video(self, ui: Any, context: ToolContext) -> None:

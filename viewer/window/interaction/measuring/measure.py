@@ -18,11 +18,14 @@ from ....work.measuring.measure_text import components_text, fit_text, text_of, 
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
 from ....work.measuring.values import components, evaluate
 from ....work.places.pick import Picked
+from ...kit import icons
 from ...saving.capture import name_kept
 from ..editing import Pointing, edit, facts_of, measured_point, step, unit_of
+from ..outline import Group
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .drawing import draw_begun, draw_measurement
 from .fitting import Fitting
+from .listed_measurements import measurement_group
 
 if TYPE_CHECKING:
     from ....work.document import Document
@@ -35,7 +38,7 @@ class Measure(Tool):
 
     What is not ended stays while another tool is selected, and goes on when this one is again."""
 
-    name, label, letter, key = "measure", "Measure", "M", "T"
+    name, label, icon, key = "measure", "Measure", icons.MEASURE, "T"
     help = "measure between points and planes, or a pipe or circle"
     cursor = "crosshair"
     takes_clicks = picks = True
@@ -216,6 +219,9 @@ class Measure(Tool):
         else:
             draw_begun(overlay, points, "warn")
 
+    def outline(self, context: ToolContext) -> tuple[Group]:
+        return (measurement_group(self, context),)
+
     def panel(self, ui: Any, context: ToolContext) -> None:
         ui.set_next_item_width(-1)
         if ui.begin_combo("##kind", KINDS[self.kind].name, ui.ComboFlags_.height_largest):  # all kinds, without scrolling
@@ -300,5 +306,5 @@ class Measure(Tool):
         except PointglassError as error:
             context.session.notices.say("The measurements cannot be exported", error)
         else:
-            context.toast(f"Exported to {path}")
+            context.tell_saved(path)
         self._end_export()

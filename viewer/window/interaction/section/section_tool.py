@@ -18,6 +18,8 @@ from ....work.document import unique_name
 from ....work.places.pick import Picked
 from ....work.places.up_axis import upright_axes
 from ....work.selection import Selection
+from ...kit import icons
+from ...kit.sliders import CLAMP, slider_float
 from ...kit.worker import Worker
 from ...saving.capture import name_kept
 from ..editing import Pointing, edit, end, ended, metres_per_unit, unit_of
@@ -38,7 +40,7 @@ _HINTS = ("Click the left end of the line.", "Click the right end of the line.",
 class SectionTool(Tool):
     """kind: a key of KINDS.  height, azimuth, ends, thickness: of the cut, None until they are set or take a usual value."""
 
-    name, label, letter, key = "section", "Section", "N", "N"
+    name, label, icon, key = "section", "Section", icons.SECTION, "N"
     help = "plan, elevation or section to scale, as PDF or PNG"
     cursor = "crosshair"
     takes_clicks = True
@@ -173,8 +175,10 @@ class SectionTool(Tool):
         if done is None:
             return
         self.worker = None
-        if done.error is None:
-            context.toast("Drawing cancelled" if done.cancelled else f"Saved {done.result}")
+        if done.cancelled:
+            context.toast("Drawing cancelled")
+        elif done.error is None:
+            context.tell_saved(done.result)
 
     def _follow_preview(self, context: ToolContext) -> None:
         cut, scene, document = (self.cut(context) if self.preview.shown else None), context.scene, context.document
@@ -200,6 +204,10 @@ class SectionTool(Tool):
         self.preview.shown = False
 
     @property
+    def workers(self) -> "tuple[Worker | None, ...]":
+        return (self.worker,)
+
+    @property
     def unfinished(self) -> str:
         return "A sheet is being drawn." if self.worker is not None else ""
 
@@ -215,15 +223,15 @@ class SectionTool(Tool):
                 self.kind = kind
             if number == 0:  # the panel is as wide as two of them
                 ui.same_line()
-        unit, clamp = unit_of(context), ui.SliderFlags_.always_clamp
+        unit = unit_of(context)
         if self.kind == "plan":
             ui.set_next_item_width(-1)
             low, high = self._heights(context)
-            changed, height = ui.slider_float("##height", self._height(context), low, high, f"height %.2f {unit}", clamp)
+            changed, height = slider_float("##height", self._height(context), low, high, f"height %.2f {unit}")
             self.height = height if changed and np.isfinite(height) else self.height  # "nan" may be typed
         elif self.kind == "elevation":
             ui.set_next_item_width(-1)
-            changed, azimuth = ui.slider_float("##azimuth", self.azimuth, 0.0, 360.0, "looking %.0f°", clamp)
+            changed, azimuth = slider_float("##azimuth", self.azimuth, 0.0, 360.0, "looking %.0f°")
             self.azimuth = azimuth if changed and np.isfinite(azimuth) else self.azimuth
             if ui.button("As the camera looks"):
                 x, y, _ = upright_axes(context.document.up).T @ context.camera.forward
@@ -236,7 +244,7 @@ class SectionTool(Tool):
             low, high = self._heights(context)
             least, most = (high - low) / 1e4, 10 * float(np.ptp(context.scene.bounds, axis=0).max())
             text = f"thickness %.3f {unit}"
-            changed, thickness = ui.drag_float("##thickness", now, now / 100, least, most, text, clamp)
+            changed, thickness = ui.drag_float("##thickness", now, now / 100, least, most, text, CLAMP)
             self.thickness = thickness if changed and np.isfinite(thickness) else self.thickness
             if ui.button("Clip the view to it"):
                 self.keep_slab(context)

@@ -28,7 +28,7 @@ class GhostsPanel:
     def __init__(self) -> None:
         self._plain: Scene | None = None
         self._marked: Scene | None = None
-        self._search: Worker | None = None
+        self.search: Worker | None = None
 
     @property
     def found(self) -> int | None:
@@ -42,8 +42,8 @@ class GhostsPanel:
             self._forget(scene)
         if scene is None or context.session.shown_scan.preview or context.session.loads.current is not None:
             return
-        if (done := ended(self._search, context, "Passers-by cannot be told")) is not None:
-            self._search = None
+        if (done := ended(self.search, context, "Passers-by cannot be told")) is not None:
+            self.search = None
             if done.result is None or done.cancelled:
                 context.session.work.edit("Passers-by shown", ghosts="shown")
                 return
@@ -53,8 +53,8 @@ class GhostsPanel:
         if wanted and scene.marked is None:
             if self._marked is not None:
                 context.session.show_variant(self._marked)
-            elif self._search is None:
-                self._search = Worker(lambda: with_ghosts(scene), "Looking for passers-by", context.session.loads.wake)
+            elif self.search is None:
+                self.search = Worker(lambda: with_ghosts(scene), "Looking for passers-by", context.session.loads.wake)
         elif not wanted and scene is self._marked and self._plain is not None:
             context.session.show_variant(self._plain)
 
@@ -65,7 +65,7 @@ class GhostsPanel:
             return
         known = int(np.isfinite(scene.station_places).all(axis=1).sum())
         ui.text_unformatted("passers-by")
-        ui.begin_disabled(known < 2 or self._search is not None)
+        ui.begin_disabled(known < 2 or self.search is not None)
         ui.set_next_item_width(-1)
         if ui.begin_combo("##ghosts", context.document.ghosts):
             for name in GHOSTS:
@@ -77,17 +77,17 @@ class GhostsPanel:
             ui.set_tooltip(EXPLAINED)
         if known < 2:
             ui.text_wrapped("Two stations with known positions are needed to tell passers-by.")
-        elif self._search is not None:
-            share = self._search.fraction
+        elif self.search is not None:
+            share = self.search.fraction
             ui.text_wrapped(f"Looking for passers-by… {share:.0%}" if share is not None else "Looking for passers-by…")
         elif self.found is not None:
             ui.text_wrapped(f"{counted(self.found, 'point')} of passers-by" if self.found else "No passers-by found")
 
     def close(self) -> None:
         """Ends a search."""
-        end(self._search)
+        end(self.search)
 
     def _forget(self, scene: "Scene | None") -> None:
-        if self._search is not None:
-            self._search.cancel()
-        self._plain, self._marked, self._search = scene, None, None
+        if self.search is not None:
+            self.search.cancel()
+        self._plain, self._marked, self.search = scene, None, None

@@ -91,7 +91,7 @@ class PictureViewer:
             except PointglassError as error:
                 context.session.notices.say("The photograph was not saved", error)
             else:
-                context.toast(f"Saved {path}")
+                context.tell_saved(path)
 
         context.files.save("photographs", "Save the photograph", file_name(stored) + ending, kind, write)
 

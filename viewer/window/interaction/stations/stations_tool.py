@@ -6,6 +6,7 @@ away fades it out into the view.
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import ref
 
 import numpy as np
 
@@ -13,10 +14,13 @@ from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
 from ....work.places.pick import station_name
 from ...flight.navigation import view_along
+from ...kit import icons
+from ...kit.sliders import slider_float
 from ...kit.theme import fitted
 from ...kit.worker import Worker
 from ...session.work import ShownPhoto
 from ..editing import edit, metres_per_unit
+from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
 from .picture_viewer import PictureViewer
@@ -31,6 +35,12 @@ GRIP = 16.0
 
 MOST_PARTS = 255
 """Files and stations that a packed point can number."""
+
+
+def show_station(context: ToolContext, number: int, name: str, on: bool) -> None:
+    """Shows or hides the points of a file or station, as a step that can be undone."""
+    kept = tuple(other for other in context.document.hidden_stations if other != number)
+    edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
 
 
 def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
@@ -54,7 +64,7 @@ def parts_of(scene: "Scene") -> list[tuple[int, str]]:
 class Stations(Tool):
     """Its panel lists files, stations and photographs."""
 
-    name, label, letter, key = "stations", "Stations", "P", "P"
+    name, label, icon, key = "stations", "Stations", icons.STATIONS, "P"
     help = "scanner positions: click one to stand there; photographs in place"
     takes_clicks = True
 
@@ -62,6 +72,7 @@ class Stations(Tool):
         self._of: tuple[tuple[Path, ...], bool] | None = None  # the files whose photographs are read; whether as a preview
         self._read: Worker | None = None
         self._selected = False  # whether the tool is selected
+        self._listed: tuple[ref[Scene], list[tuple[int, str]], dict[int, np.ndarray]] | None = None  # of the scene shown
         self.ghosts = GhostsPanel()
         self.photos: list[StationPhoto] = []
         self.warnings: list[str] = []
@@ -80,6 +91,10 @@ class Stations(Tool):
             self._follow(context)
         self.ghosts.follow(context)
         self.viewer.follow()
+
+    @property
+    def workers(self) -> tuple[Worker | None, ...]:
+        return (self.ghosts.search,)
 
     def close(self) -> None:
         self.ghosts.close()
@@ -161,6 +176,45 @@ class Stations(Tool):
             text = f"photograph against the view: {psnr:.1f} dB PSNR"
             overlay.text((left + width / 2, top + overlay.theme.px(64)), text, align=(0.5, 0.0))
 
+    def outline(self, context: ToolContext) -> tuple[Group, ...]:
+        return self._stations(context), self._photographs_listed(context)
+
+    def _stations(self, context: ToolContext) -> Group:
+        """Scanner stations; where they are the files, which the outliner lists by itself, only those with a place."""
+        scene = context.scene
+        assert scene is not None
+        if self._listed is None or self._listed[0]() is not scene:
+            self._listed = ref(scene), parts_of(scene), {number: place for number, _, place, _ in places_of(scene)}
+        _, parts, places = self._listed
+
+        def stand(row: int) -> None:
+            if (place := places.get(parts[row][0])) is not None:
+                self.stand_at(context, place)
+            else:
+                context.toast(f"Where {parts[row][1]} stood is not known")
+
+        return Group(
+            "Stations", icons.STATION, len(parts) if places else 0,
+            lambda row: Row(parts[row][1], about=f"{parts[row][1]}: a click stands there",
+                            shown=parts[row][0] not in context.document.hidden_stations),
+            stand, show=lambda row, on: show_station(context, *parts[row], on),
+        )  # fmt: skip
+
+    def _photographs_listed(self, context: ToolContext) -> Group:
+        """Photographs in place, once this tool has been selected and has read them."""
+        shown = context.session.work.photo
+
+        def stand(row: int) -> None:
+            self.wanted = True
+            self.viewer.close_picture()
+            self.show(context, self.photos[row])
+
+        return Group(
+            "Photographs", icons.PHOTOGRAPH, len(self.photos),
+            lambda row: Row(self.photos[row].name, about=f"{self.photos[row].kind} photograph: a click shows it in its place",
+                            chosen=shown is not None and shown.photo is self.photos[row]), stand,
+        )  # fmt: skip
+
     def panel(self, ui: Any, context: ToolContext) -> None:
         if context.scene is None:
             return
@@ -169,13 +223,11 @@ class Stations(Tool):
             ui.text_wrapped("The scanner positions are unknown: neither the file nor the order of its points tells.")
         for number, name in parts_of(context.scene):
             ui.push_id(number)
-            hidden = context.document.hidden_stations
-            changed, on = ui.checkbox("##visible", number not in hidden)
+            changed, on = ui.checkbox("##visible", number not in context.document.hidden_stations)
             if ui.is_item_hovered():
                 ui.set_tooltip("show these points")
             if changed:
-                kept = tuple(other for other in hidden if other != number)
-                edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
+                show_station(context, number, name, on)
             ui.same_line()
             room = ui.get_content_region_avail().x
             place, inferred = known.get(number, (None, False))
@@ -211,13 +263,12 @@ class Stations(Tool):
         if shown is None:
             return
         ui.set_next_item_width(-1)
-        clamp = ui.SliderFlags_.always_clamp
-        _, percent = ui.slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%", clamp)
+        _, percent = slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%")
         shown.blend = percent / 100.0 if np.isfinite(percent) else shown.blend  # "nan" may be typed
         _, shown.split = ui.checkbox("split against the view", shown.split)
         if shown.split:
             ui.set_next_item_width(-1)
-            _, percent = ui.slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%", clamp)
+            _, percent = slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%")
             shown.split_at = percent / 100.0 if np.isfinite(percent) else shown.split_at
         if (psnr := context.viewport.photos.psnr) is not None:
             ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view")

@@ -1,0 +1,52 @@
+"""The measurements of the document as the outliner lists them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....work.document import replaced, without
+from ....work.measuring.measure_text import value_text
+from ...flight.navigation import view_along
+from ...kit import icons
+from ..editing import edit, unit_of
+from ..outline import Group, Row
+from ..tool import Tool, ToolContext
+
+LEAST_SPACINGS = 100.0
+"""Size of what is looked at, at least, in spacings of the points: nearer, a picture of points is blurred."""
+
+
+def measurement_group(tool: Tool, context: ToolContext) -> Group:
+    """A click selects the tool, whose panel has every value; the menu looks at a measurement, copies its value, deletes it."""
+    found = context.document.measurements
+
+    def row(number: int) -> Row:
+        value = value_text(found[number], unit_of(context))
+        return Row(found[number].name, value, f"{found[number].name}: {value}")
+
+    def rename(number: int, name: str) -> None:
+        edit(context, "Rename measurement", ("rename", number),
+             measurements=replaced(found, number, replace(found[number], name=name)))
+
+    return Group("Measurements", icons.MEASURE, len(found), row, lambda number: setattr(tool, "wanted", True), rename=rename,
+                 commands={
+                     "Look at it": lambda number: look_at(context, number),
+                     "Copy its value": lambda number: context.clipboard.write(row(number).value),
+                     "Delete": lambda number: edit(context, f"Delete {found[number].name}",
+                                                   measurements=without(found, number)),
+                 })  # fmt: skip
+
+
+def look_at(context: ToolContext, number: int) -> None:
+    """Flies straight towards a measurement, to where it fills about a third of the picture; turns where that is nearer."""
+    places = np.array([point.position for point in context.document.measurements[number].points])
+    flight, scene = context.session.flight, context.scene
+    assert scene is not None
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = max(float(np.linalg.norm(high - low)), LEAST_SPACINGS * scene.spacing)
+    state, middle = flight.state, (low + high) / 2
+    away = middle - state.position
+    distance = float(np.linalg.norm(away))
+    ahead = away / distance if distance > 0 else state.forward
+    wanted = 1.5 * size / np.tan(np.radians(flight.field_of_view) / 2)
+    flight.glide_to(view_along(middle - ahead * min(wanted, distance), ahead, state.speed, state.upright))

@@ -1,0 +1,20 @@
+"""Icons of the interface, as letters of the typeface Font Awesome 6 Free Solid (SIL Open Font License 1.1).
+
+imgui-bundle ships the typeface; :class:`Theme` adds it to both fonts of the interface, so that an icon stands in any text.
+"""
+
+FLY, INSPECT, MEASURE, CLIP = "\uf1d8", "\uf05b", "\uf545", "\uf1b2"
+SECTION, COLOURS, STATIONS, PROVENANCE = "\uf568", "\uf53f", "\uf21d", "\uf058"
+FILM, SCENE = "\uf008", "\uf013"
+"""Of the tools."""
+HOME, FRAME, SIDES = "\uf015", "\uf065", "\uf1b3"
+"""Of viewpoints: the start, the whole scene, from a side."""
+SHOWN, HIDDEN, ADD, REMOVE = "\uf06e", "\uf070", "\u002b", "\uf00d"
+"""Of what the outliner lists."""
+OUTLINER, INSPECTOR, OPEN, HELP, PROFILER, COMPARE = "\uf0ca", "\uf1de", "\uf07c", "\uf059", "\uf624", "\uf0db"
+FOLD_LEFT, FOLD_RIGHT, PROJECT, NOTICE = "\uf100", "\uf101", "\uf15b", "\uf071"
+POINTS, PHOTOGRAPH, VIEWPOINT, STATION = "\uf5fd", "\uf03e", "\uf02e", "\uf21d"
+"""Of panels and rows."""
+
+USED = "".join(text for name, texts in list(globals().items()) if name.isupper() for text in texts)
+"""Every icon above; a test looks for each in the typeface."""
