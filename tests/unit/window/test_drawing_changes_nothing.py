@@ -97,8 +97,9 @@ def context_of(made, look) -> tuple[ToolContext, Any]:
     viewport: Any = SimpleNamespace(frame=None, frame_camera=None, photos=SimpleNamespace(psnr=None), renderer=None)
     context, box = ToolContext(made, viewport, look), toolbox()
     context.files = FileDialogs()
-    context.saves: Any = SimpleNamespace(still=SimpleNamespace(title="Rendering", label="frames", fraction=0.5, total=2,
-                                                          seconds_left=3.0, cancelled=False))
+    job = SimpleNamespace(title="Rendering", label="frames", fraction=0.5, total=2, seconds_left=3.0, cancelled=False)
+    saves: Any = SimpleNamespace(workers=[job])
+    context.saves = saves
     return context, box
 
 

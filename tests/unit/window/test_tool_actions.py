@@ -366,3 +366,10 @@ def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):
     assert str(path) in said and "gone.laz is not there" in said and "locate it" in said and said.count("\n") == 1
     path.write_text("{")
     assert main([str(path)]) == 2 and "damaged" in capsys.readouterr().err
+
+
+def test_the_window_exports_to_every_kind_of_file_that_export_writes():
+    from pointglass.viewer.commands.exporting.targets import TARGETS
+    from pointglass.viewer.window.saving.points_export import KINDS
+
+    assert {ending for endings in KINDS.values() for ending in endings} == set(TARGETS)

@@ -47,8 +47,7 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
         for group in tool.outline(tools):
             if group.count:
                 _group(group, style)
-    stills = [tools.saves.still] if tools.saves.still is not None else []
-    draw_job_list([*toolbox.workers, *stills], session.notices.saved, actions, style)
+    draw_job_list([*toolbox.workers, *tools.saves.workers], session.notices.saved, actions, style)
     _notices(session, actions, style)
     imgui.pop_font()
     imgui.end()
@@ -57,6 +56,7 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
 def _scan_buttons(actions: Actions, style: Theme) -> None:
     """On the line of the heading, to its right."""
     rows = ((icons.OPEN, "open", "Open scans or a project (O)"),
+            (icons.EXPORT, "export", "Export the points in sight: not hidden, left by clips"),
             (icons.REMOVE, "close_scan", "Close the scan: back to the start page"),
             (icons.FOLD_LEFT, "fold outliner", "Fold this panel"))
     side = imgui.get_frame_height()

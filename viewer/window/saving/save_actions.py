@@ -20,6 +20,7 @@ from ..session.session import Session
 from ..session.time_recording import FrameTimes
 from ..viewport.viewport import Viewport
 from . import capture
+from .points_export import PointsExport
 from .saved_picture import saved_picture, shot_of
 from .still_job import StillJob, still_worker
 
@@ -36,12 +37,14 @@ _RECORDING = "Recording frame times; F9 stops"
 class SaveActions:
     """Saves what a session shows under new names in the folder of pictures, which a person chooses and which is remembered.
 
-    folder: where pictures go until then.  still: the picture that is being rendered beside the window, else None."""
+    folder: where pictures go until then.  still: the picture that is being rendered beside the window, else None.
+    points: exports points."""
 
     def __init__(self, session: Session, viewport: Viewport, files: FileDialogs, folder: Path | None = None):
         self._session, self._painter, self._files, self._usual = session, viewport, files, folder
         self.still: Worker | None = None
         self._name = ExitStack()  # keeps the name of the still reserved
+        self.points = PointsExport(session, files)
 
     @property
     def folder(self) -> Path:
@@ -120,10 +123,16 @@ class SaveActions:
     @property
     def unfinished(self) -> list[str]:
         """What would be lost if the window closed now, in sentences."""
-        return ["A picture is being rendered."] if self.still is not None else []
+        return (["A picture is being rendered."] if self.still is not None else []) + self.points.unfinished
+
+    @property
+    def workers(self) -> list[Worker]:
+        """Work under way beside the window."""
+        return [worker for worker in (self.still, self.points.worker) if worker is not None]
 
     def follow(self) -> None:
         """Called in every turn of the loop: says where a picture was saved that is ready, or why not."""
+        self.points.follow()
         if self.still is None or not self.still.finished:
             return
         done, self.still = self.still, None
@@ -136,7 +145,8 @@ class SaveActions:
             self._session.notices.tell_saved(done.result)
 
     def close(self) -> None:
-        """Waits a little for a picture that is being rendered; the file appears whole or not at all."""
+        """Waits a little for a picture that is being rendered; the file appears whole or not at all.  Ends an export."""
+        self.points.close()
         if self.still is not None:
             self.still.join(_LAST_WAIT)
         self._name.close()

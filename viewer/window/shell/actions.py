@@ -138,6 +138,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "split": lambda: views.compare(not views.split),
         "screenshot": app.save_actions.screenshot,
         "record": app.save_actions.record,
+        "export": app.save_actions.points.ask,
         "open": partial(_open_scans, app),
         "open_folder": partial(_open_folder, app),
         "demo": partial(_open_demo, app),

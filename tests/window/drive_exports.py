@@ -1,0 +1,75 @@
+"""A person exports points, by X key and pointer events, for ``test_exports.py``; laspy reads what was written."""
+
+import sys
+from pathlib import Path
+
+import laspy
+import numpy as np
+from drive_dialogs import Person, main
+from drive_unfinished import asked_about, held
+from x_keyboard import xdo
+
+from pointglass.viewer.picture.clip import box_around
+from pointglass.viewer.window.kit import icons
+from pointglass.viewer.window.saving import points_export
+
+LOW, HIGH = (0.5, 0.5, -1.0), (1.5, 2.5, 3.0)
+
+
+def write_las(path: Path, count: int = 4000) -> laspy.LasData:
+    """A wall of coloured points with every attribute of its point format."""
+    rng = np.random.default_rng()
+    las = laspy.create(point_format=7, file_version="1.4")
+    las.header.scales, las.header.offsets = (0.001,) * 3, (0.0,) * 3
+    las.xyz = rng.random((count, 3)) * (2.0, 3.0, 0.02)
+    for name in ("red", "green", "blue", "intensity", "point_source_id"):
+        las[name] = rng.integers(0, 65535, count)
+    las.gps_time, las.classification = rng.random(count) * 1e9, rng.integers(0, 18, count)
+    las.write(path)
+    return laspy.read(path)
+
+
+def check_points_in_sight_are_exported_as_whole_records(p: Person, folder: Path) -> None:
+    whole, out = write_las(folder / "scans" / "wall.las"), folder / "projects" / "part.las"
+    p.d.drop(folder / "scans" / "wall.las")
+    p.opened("wall.las")
+    p.d.until(lambda: not p.d.session.shown_scan.preview)
+    p.d.session.work.edit("Clip", clips=(box_around(np.array(LOW), np.array(HIGH), "Box"),))
+    p.click(f"{icons.EXPORT}##export")
+    p.listed()
+    assert p.choice.text == "wall part.laz"
+    xdo("key", "ctrl+a")
+    p.type(f"{folder}/projects/part.las")
+    p.key("Return")
+    p.d.until(lambda: out in p.d.session.notices.saved, 60.0)
+    made = laspy.read(out)
+    inside = ((np.asarray(whole.xyz) >= LOW) & (np.asarray(whole.xyz) <= HIGH)).all(axis=1)
+    assert 0 < inside.sum() < len(whole.points)
+    key = np.argsort(made.gps_time), np.argsort(whole.gps_time[inside])
+    assert np.array_equal(made.points.array[key[0]], whole.points.array[inside][key[1]]), "every value of every record"
+    p.d.picture("exported")
+
+
+def check_an_export_is_given_up_in_the_list_of_jobs_and_leaves_nothing(p: Person, folder: Path) -> None:
+    out = folder / "projects" / "given up.laz"
+    with held(points_export, "export"):
+        p.d.app.save_actions.points.start(out)
+        p.d.settle()
+        asked_about(p, "Points are being exported.")
+        p.click(f"{icons.REMOVE}##cancel")
+    p.d.until(lambda: p.d.app.save_actions.points.worker is None, 60.0)
+    assert not out.exists() and not list(out.parent.glob("*partial*")) and "given up" in p.d.session.notices.toasts[-1].text
+
+
+def check_a_name_that_cannot_be_written_is_told_and_the_scan_is_never_replaced(p: Person, folder: Path) -> None:
+    scan = folder / "scans" / "wall.las"
+    before = scan.read_bytes()
+    p.d.app.save_actions.points.start(scan)
+    p.d.until(lambda: p.d.session.notices.message is not None, 60.0)
+    assert "the scan itself" in p.d.session.notices.message.text and scan.read_bytes() == before
+
+
+CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), CHECKS)

@@ -1,0 +1,94 @@
+"""Exports the points in sight from the window: of no hidden file or station, and what the clips leave, as whole records.
+
+The files are read again beside the window, as ``pointglass export`` does (viewer.commands.exporting); what the target cannot
+hold is said when the file is there.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from ...commands.exporting.command import export
+from ...common.text import counted
+from ...work.selection import Selection
+from ..file_dialog.file_dialogs import FileDialogs
+from ..kit.worker import Worker
+from ..session.session import Session
+from .capture import name_kept
+
+KINDS = {"LAZ, compressed LAS": (".laz",), "LAS": (".las",), "E57": (".e57",), "PLY": (".ply",)}
+"""Kinds of file that the dialog offers; a test compares their endings with those that ``export`` writes."""
+_LAST_WAIT = 20.0
+"""Seconds that a closing window waits until a given-up export has removed what it was writing."""
+
+
+class PointsExport:
+    """One export at a time.  worker: the one under way, else None."""
+
+    def __init__(self, session: Session, files: FileDialogs):
+        self._session, self._files = session, files
+        self.worker: Worker | None = None
+        self._out: Path | None = None
+        self._losses: list[str] = []
+
+    def ask(self) -> None:
+        """Asks where the points are to be saved, and begins."""
+        shown = self._session.shown_scan
+        if self._session.scene is None or shown.preview:
+            self._session.notices.toast("The points can be exported when all of them have been read")
+        elif self.worker is not None:
+            self._session.notices.toast("The last export is still under way")
+        else:
+            name = f"{shown.title.split('.')[0] or 'points'} part.laz" if self._left_out else f"{shown.title} copy.laz"
+            self._files.save("exports", f"Export {self.what}", name, KINDS, self.start)
+
+    @property
+    def _left_out(self) -> bool:
+        """Whether something is left out: by clips, or with a hidden file or station."""
+        document, scene = self._session.document, self._session.scene
+        return any(clip.active for clip in document.clips) or bool(scene and scene.hidden_stations(document))
+
+    @property
+    def what(self) -> str:
+        """What would be exported now, in words."""
+        return "the points in sight" if self._left_out else "all points"
+
+    def start(self, out: Path) -> None:
+        """Exports to ``out``, which may be replaced."""
+        session, document = self._session, self._session.document
+        if session.scene is None:
+            return
+        scene = replace(session.scene, meta=session.facts)
+        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
+        self._out, self._losses = out, []
+
+        def work() -> int:
+            with name_kept(out):
+                return export(selection, out, note=self._losses.append)
+
+        self.worker = Worker(work, f"Exporting {out.name}", session.loads.wake)
+
+    def follow(self) -> None:
+        """Called in every turn of the loop: says what was exported, or why nothing was."""
+        if self.worker is None or not self.worker.finished:
+            return
+        done, self.worker = self.worker, None
+        notices, out = self._session.notices, self._out
+        if done.error is not None:
+            notices.say("The points were not exported", done.error)
+        elif done.result is None or out is None:
+            notices.toast("The export was given up; nothing was saved")
+        else:
+            notices.tell_saved(out, f"Exported {counted(done.result, 'point')} to {out}")
+            if self._losses:
+                notices.say(f"{out.name} does not hold everything", "; ".join(self._losses))
+
+    @property
+    def unfinished(self) -> list[str]:
+        """What would be lost if the window closed now, in sentences."""
+        return ["Points are being exported."] if self.worker is not None else []
+
+    def close(self) -> None:
+        """Gives an export up and waits until it has removed what it was writing."""
+        if self.worker is not None:
+            self.worker.cancel()
+            self.worker.join(_LAST_WAIT)
