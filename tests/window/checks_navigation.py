@@ -16,9 +16,9 @@ def start(d: Driver) -> None:
     d.rest()
 
 
-def press(d: Driver, at: tuple[float, float], mods: int = 0) -> None:
+def press(d: Driver, at: tuple[float, float], mods: int = 0, button: str = "MIDDLE") -> None:
     d.point(*at)
-    d.app.input.on_button(d.app.window, d.glfw.MOUSE_BUTTON_MIDDLE, d.glfw.PRESS, mods)
+    d.app.input.on_button(d.app.window, getattr(d.glfw, f"MOUSE_BUTTON_{button}"), d.glfw.PRESS, mods)
     d.settle(2)
 
 
@@ -28,8 +28,8 @@ def drag(d: Driver, dx: float, dy: float) -> None:
     d.settle(2)
 
 
-def release(d: Driver, mods: int = 0) -> None:
-    d.app.input.on_button(d.app.window, d.glfw.MOUSE_BUTTON_MIDDLE, d.glfw.RELEASE, mods)
+def release(d: Driver, mods: int = 0, button: str = "MIDDLE") -> None:
+    d.app.input.on_button(d.app.window, getattr(d.glfw, f"MOUSE_BUTTON_{button}"), d.glfw.RELEASE, mods)
     d.settle()
 
 
@@ -98,6 +98,48 @@ def check_ctrl_and_wheel_zoom_to_the_pointer(d: Driver) -> None:
     d.app.input.on_scroll(d.app.window, 0.0, 1.0)
     assert d.session.flight.state.speed > speed
     d.app.input.on_scroll(d.app.window, 0.0, -1.0)
+
+
+def check_the_orbit_preset_turns_moves_and_zooms_as_in_programs_for_objects(d: Driver) -> None:
+    d.session.flight.mouse = "orbit"
+    try:
+        start(d)
+        camera, about = d.session.camera, d.app.toolbox.fly.around_point
+        press(d, middle(d, 0.1, 0.1), button="LEFT")
+        assert about.pivot is None, "a press alone may be a click"
+        drag(d, 30, 4)
+        pivot = about.pivot
+        assert pivot is not None and on_a_wall(pivot)
+        drag(d, 20, 0)
+        release(d, button="LEFT")
+        turned = d.session.camera
+        assert turned.forward @ camera.forward < 0.999 and about.pivot is None
+        assert np.isclose(*(np.linalg.norm(one.position - pivot) for one in (camera, turned)))
+        d.rest()
+        press(d, middle(d), button="RIGHT")
+        drag(d, 30, 12)
+        release(d, button="RIGHT")
+        assert np.allclose(d.session.camera.forward, turned.forward)
+        assert np.linalg.norm(d.session.camera.position - turned.position) > 1e-3
+        speed, before = d.session.flight.state.speed, d.session.camera.position
+        d.rest()
+        d.point(*middle(d, 0.1, 0.0))
+        d.app.input.on_scroll(d.app.window, 0.0, 1.0)
+        d.settle()
+        assert d.session.flight.state.speed == speed and np.linalg.norm(d.session.camera.position - before) > 1e-3
+        start(d)
+        d.key("T")  # a click still is the tool's
+        d.rest()
+        d.click(*middle(d, 0.05, 0.05))
+        d.rest()
+        assert len(d.app.toolbox.active.points) == 1
+        d.double_click(*middle(d, -0.2, 0.0))
+        d.key("ESCAPE")
+        d.key("ESCAPE")
+    finally:
+        d.session.flight.mouse = "fly"
+        while d.session.document.measurements:
+            d.session.work.undo()
 
 
 def check_a_double_click_flies_there_and_a_key_stops_it(d: Driver) -> None:

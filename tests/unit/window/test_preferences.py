@@ -28,12 +28,12 @@ def test_what_a_session_had_is_had_by_the_next_one(state):
     made, _ = session()
     made.area.panels.inspector = False
     made.view_settings.background = "sky"
-    made.work.shot_scale = 3
+    made.work.shot_scale, made.flight.mouse = 3, "orbit"
     made.area.window_size = (1500, 900)
     write_preferences(preferences_of(made))
     kept = read_preferences()
     assert (kept.width, kept.height, kept.outliner, kept.inspector) == (1500, 900, True, False)
-    assert (kept.background, kept.shot_scale) == ("sky", 3)
+    assert (kept.background, kept.shot_scale, kept.mouse) == ("sky", 3, "orbit")
     following, _ = session()
     take_preferences(following, kept)
     following.area.window_size = (1500, 900)
@@ -49,7 +49,7 @@ def test_the_command_line_goes_before_what_is_remembered():
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '"a"', '{"width": -5}', '{"background": "pink"}', '{"quality": "none"}',
-                                  '{"detail": 1e9}', '{"shot_scale": 99}'])
+                                  '{"detail": 1e9}', '{"mouse": "none"}', '{"shot_scale": 99}'])
 def test_a_damaged_file_is_as_good_as_none(state, text, caplog):
     state.mkdir()
     (state / FILE).write_text(text)

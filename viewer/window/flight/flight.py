@@ -12,6 +12,7 @@ import numpy as np
 
 from ...picture.camera import Camera, from_fov
 from ...work.places.up_axis import turned, upright_axes
+from . import mouse
 from .framing import from_side, overview
 from .gamepad import STILL
 from .glide import Glide
@@ -33,6 +34,7 @@ class Flight:
 
     state: position, direction, speed.  field_of_view: vertical, degrees.  home: the start viewpoint.
     held: actions of the keys held down.
+    mouse: what drags and the wheel do, a key of viewer.window.flight.mouse.PRESETS.
     looking: whether the mouse turns the camera.  push: what the gamepad asks for.
     walker: the person who walks on the floor, None while flying.
     floor_lost: whether a walk ended because there was no floor any more.
@@ -45,6 +47,7 @@ class Flight:
         self.field_of_view = FIELD_OF_VIEW
         self.held: set[str] = set()
         self.looking = self.floor_lost = False
+        self.mouse = mouse.DEFAULT
         self.walker: Walker | None = None
         self.push = STILL
         self._look = [0.0, 0.0]

@@ -1,5 +1,5 @@
-"""The gestures about a point of the scene: middle drag orbits it, Shift+middle drag pans, Ctrl+wheel zooms, a double click
-flies there.  They work with every tool; Fly receives them.
+"""The gestures about a point of the scene: drags that orbit or move it, the wheel that zooms, a double click that flies there.
+They work with every tool; Fly receives them.  Which drag does what: viewer.window.flight.mouse.
 
 The point is the nearest measured one around the pointer, read from the depth of the picture that is on the screen.  Where
 nothing was measured, it is the middle of the scan.
@@ -11,6 +11,7 @@ import numpy as np
 
 from ...work.places.approach import approach
 from ...work.places.pick import nearest_pixel
+from ..flight.mouse import PRESETS
 from ..flight.navigation import view_along
 from ..flight.orbit import orbited, panned, zoomed
 from .editing import metres_per_unit
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 RADIUS = 24.0
 """Design units around the pointer within which a measured point is taken; for measuring, where a wrong one harms, fewer."""
+DRAG = 3.0
+"""Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""
 NEAREST = 4.0
 """Point spacings from the point at which zooming stops: nearer, a picture holds a handful of points."""
 
@@ -64,22 +67,28 @@ class AroundPoint:
 
     def __init__(self) -> None:
         self.pivot: np.ndarray | None = None
-        self._panning = self._captured = False
+        self._begun: tuple[PointerEvent, str] | None = None  # the press of a drag, and its gesture
+        self._dragged = (0.0, 0.0)  # since the press
+        self._captured = False
         self._grabbed = (0.0, 0.0)  # from the pointer to the pixel of the pivot
         self._zoom: tuple[tuple[float, float], np.ndarray] | None = None  # where the wheel turned, and about what
 
     def pointer(self, event: "PointerEvent", context: "ToolContext") -> bool:
         """Handles an event.  Returns whether it was one of these gestures."""
-        if event.kind == "press" and event.button == "middle":
-            self._begin(event, context)
+        mouse, held = PRESETS[context.session.flight.mouse], event.modifiers
+        if event.kind == "press" and (gesture := mouse.drag(event.button, shift=held.shift)) in ("orbit", "pan"):
+            self._begun, self._dragged, self._zoom = (event, gesture), (0.0, 0.0), None
+            if event.button == "middle":  # no tool takes its clicks: the point is marked at once
+                self._begin(event, context)
             return True
-        if event.kind == "move" and self.pivot is not None:
-            self._drag(event, context)
+        if event.kind == "move" and self._begun is not None:
+            self._drag(event, *self._begun, context)
             return True
-        if event.kind in ("release", "leave") and self.pivot is not None:
+        if event.kind in ("release", "leave") and self._begun is not None:
             self._end(context)
-            return True
-        if event.kind == "wheel" and event.modifiers.control:
+            if not (event.button == "left" and event.clicks == 2):
+                return True
+        if event.kind == "wheel" and mouse.turn(control=held.control) == "zoom":
             self._turn_wheel(event, context)
             return True
         if event.kind == "release" and event.button == "left" and event.clicks == 2:
@@ -88,25 +97,29 @@ class AroundPoint:
         return False
 
     def _begin(self, event: "PointerEvent", context: "ToolContext") -> None:
-        self._zoom, self._panning = None, event.modifiers.shift
         self.pivot = pivot_at(context, event.position)
         pixels, depth = context.camera.project([self.pivot])
         self._grabbed = (pixels[0, 0] - event.position[0], pixels[0, 1] - event.position[1]) if depth[0] > 0 else (0.0, 0.0)
 
-    def _drag(self, event: "PointerEvent", context: "ToolContext") -> None:
-        flight = context.session.flight
+    def _drag(self, event: "PointerEvent", press: "PointerEvent", gesture: str, context: "ToolContext") -> None:
+        flight, delta = context.session.flight, event.delta
+        if self.pivot is None:
+            delta = self._dragged = (self._dragged[0] + delta[0], self._dragged[1] + delta[1])
+            if abs(delta[0]) + abs(delta[1]) <= DRAG:
+                return
+            self._begin(press, context)
         assert self.pivot is not None
-        if self._panning:
+        if gesture == "pan":
             pixel = event.position[0] + self._grabbed[0], event.position[1] + self._grabbed[1]
             flight.drag(panned(flight.state, context.camera, self.pivot, pixel))
             return
         if not self._captured:
             self._captured = True
             context.capture_pointer(True)
-        flight.drag(orbited(flight.state, self.pivot, *event.delta))
+        flight.drag(orbited(flight.state, self.pivot, *delta))
 
     def _end(self, context: "ToolContext") -> None:
-        self.pivot = None
+        self.pivot = self._begun = None
         if self._captured:
             self._captured = False
             context.capture_pointer(False)

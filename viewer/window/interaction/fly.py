@@ -1,20 +1,19 @@
-"""Fly: drag to look around, wheel for the speed.  The held keys (W, A, S, D, E, Q) move the camera with every tool.
+"""Fly: drags that look around, the wheel for the speed.  The held keys (W, A, S, D, E, Q) move the camera with every tool.
 
-The gestures about a point (middle drag, Ctrl+wheel, double click) are in ``around_point``.
+The gestures about a point (orbit, pan, zoom, double click) are in ``around_point``.  Which button does what is chosen by the
+person (viewer.window.flight.mouse).
 """
 
 from typing import TYPE_CHECKING
 
+from ..flight.mouse import PRESETS
 from ..kit import icons
-from .around_point import AroundPoint
+from .around_point import DRAG, AroundPoint
 from .tool import PointerEvent, Tool, ToolContext
 from .walk_mode import WalkMode
 
 if TYPE_CHECKING:
     from ..kit.overlay import OverlayCanvas
-
-DRAG = 3.0
-"""Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""
 
 
 class Fly(Tool):
@@ -31,7 +30,8 @@ class Fly(Tool):
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         flight = context.session.flight
         about_point = self.around_point.pointer(event, context)
-        if event.kind == "press" and event.button in ("left", "right"):
+        mouse = PRESETS[flight.mouse]
+        if event.kind == "press" and mouse.drag(event.button, shift=event.modifiers.shift) == "look":
             self._pressed, self._dragged = True, (0.0, 0.0)
             return True
         if event.kind == "move" and self._pressed:

@@ -113,13 +113,13 @@ def hint(text: str, style: Theme) -> None:
     imgui.end_tooltip()
 
 
-def label(text: str, explained: str, style: Theme) -> None:
-    """The name at the left of a row, with a tooltip; the next widget takes the rest of the row."""
+def label(text: str, explained: str, style: Theme, *, width: float = -1.0) -> None:
+    """The name at the left of a row, with a tooltip.  width: of the next widget, pixels; -1: the rest of the row."""
     imgui.align_text_to_frame_padding()
     text_in(theme.DIM, text)
     hint(explained, style)
     imgui.same_line(style.px(_LABEL))
-    imgui.set_next_item_width(-1)
+    imgui.set_next_item_width(width)
 
 
 def button(text: str, style: Theme, *, width: float = 0.0, primary: bool = False, disabled: str = "",

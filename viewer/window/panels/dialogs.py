@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
+from ..flight.mouse import GESTURES, PRESETS
 from ..interaction.controls import CONTROLS, Control
 from ..kit import theme
 from ..kit.chosen_button import ChosenButton
@@ -88,13 +89,19 @@ def draw_help(session: Session, style: Theme, key_name: Callable[[Control], str]
             imgui.same_line(0, px(28))
         imgui.begin_group()
         for group in groups:
-            _group(group, style, key_name)
+            _group(group, _rows(group, session.flight.mouse, key_name), style)
         imgui.end_group()
     text_in(theme.DIM, "F1 or Esc closes this")
     imgui.end()
 
 
-def _group(group: str, style: Theme, key_name: Callable[[Control], str]) -> None:
+def _rows(group: str, mouse: str, key_name: Callable[[Control], str]) -> list[tuple[str, str]]:
+    """(control, what it does); the mouse as the person has chosen it."""
+    rows = [(key_name(control), control.help) for control in CONTROLS[group] if control.action not in GESTURES]
+    return rows + (PRESETS[mouse].rows if group == "Move" else [])
+
+
+def _group(group: str, rows: list[tuple[str, str]], style: Theme) -> None:
     imgui.push_font(style.bold, theme.FONT_SIZE)
     text_in(theme.ACCENT, group)
     imgui.pop_font()
@@ -104,13 +111,13 @@ def _group(group: str, style: Theme, key_name: Callable[[Control], str]) -> None
     if imgui.begin_table(group, 2, flags, ImVec2(min(style.px(_GROUP_WIDTH), room), 0)):
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, style.px(124))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
-        for control in CONTROLS[group]:
+        for name, text in rows:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_unformatted(key_name(control))
+            imgui.text_unformatted(name)
             imgui.table_next_column()
             imgui.push_text_wrap_pos(0.0)
-            text_in(theme.DIM, control.help)
+            text_in(theme.DIM, text)
             imgui.pop_text_wrap_pos()
         imgui.end_table()
     imgui.dummy(ImVec2(0, style.px(4)))

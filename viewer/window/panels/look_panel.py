@@ -27,6 +27,7 @@ from ..kit.widgets import (  # fmt: skip
 from ..planning.networks import missing_qualities
 from ..session.panel_actions import Actions
 from ..session.session import Session
+from .mouse_choice import draw_mouse_choice
 
 _LOD_DEFAULT = 4.0
 _SHIPPED = "shipped"
@@ -82,6 +83,7 @@ def _look(session: Session, actions: Actions, new: Settings, style: Theme) -> Se
     background = combo("##background", chosen.background, table, style)
     if background != chosen.background:
         actions.choose_background(background)
+    draw_mouse_choice(session.flight.mouse, actions, style)
     label("in flight", "Holds a steady frame rate while the camera moves: a lower resolution, fewer points and the filled view "
           "where needed; full quality at rest", style)
     changed, quick = imgui.checkbox("keep up", session.picture.adaptive_lod.keep_up)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from imgui_bundle import ImVec2, imgui
 
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from ..flight.mouse import PRESETS
 from ..kit import theme
 from ..kit.image_texture import texture_of
 from ..kit.theme import Theme, fitted, packed, text_in
@@ -14,6 +15,7 @@ from ..kit.widgets import DOCKED, button, heading, hint, small
 from ..session.panel_actions import Actions
 from ..session.recent import RecentScan, load_thumbnail, recent_scans
 from ..session.recovery import Recoverable
+from .mouse_choice import draw_mouse_choice
 from .status_bar import count_text
 
 if TYPE_CHECKING:
@@ -47,8 +49,9 @@ class StartPage:
         image = load_thumbnail(scan)
         return None if image is None else texture_of(self._context, image)
 
-    def draw(self, offers: Sequence[Recoverable], actions: Actions, style: Theme) -> None:
-        """Draws the page, where no scan is shown or being opened.  offers: unsaved work of windows that are gone."""
+    def draw(self, offers: Sequence[Recoverable], mouse: str, actions: Actions, style: Theme) -> None:
+        """Draws the page, where no scan is shown or being opened.  offers: unsaved work of windows that are gone.  mouse: what
+        it does, a key of viewer.window.flight.mouse.PRESETS."""
         px, size = style.px, imgui.get_io().display_size
         recent = self._load()
         width = min(size.x - px(32), px(4 * _CARD + 3 * 12 + 32))
@@ -67,6 +70,9 @@ class StartPage:
         imgui.dummy(ImVec2(0, px(6)))
         self._buttons(actions, style)
         self._drop_area(style)
+        draw_mouse_choice(mouse, actions, style, width=px(140))
+        imgui.same_line(0, px(12))
+        text_in(theme.DIM, fitted(PRESETS[mouse].text, imgui.get_content_region_avail().x))
         self._unsaved(offers, actions, style)
         if recent:
             heading("Recent scans", style)

@@ -37,6 +37,9 @@ class Actions(Protocol):
     def choose_background(self, name: str) -> None:
         """Chooses what is laid behind the picture."""
 
+    def choose_mouse(self, preset: str) -> None:
+        """Chooses what drags and the wheel do, a key of viewer.window.flight.mouse.PRESETS."""
+
     def keep_up(self, on: bool) -> None:
         """Whether moving pictures leave something out to hold a frame rate."""
 

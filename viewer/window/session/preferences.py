@@ -1,4 +1,5 @@
-"""What the window remembers from one start to the next: its size, folded panels, background, size of F12, quality and detail.
+"""What the window remembers from one start to the next: its size, folded panels, background, size of F12, quality, detail, and
+what the mouse does.
 
 A JSON file in the user's state folder.  A file that is missing or damaged is as good as none: a window must open.  What the
 command line asks for goes before what is remembered.
@@ -13,6 +14,8 @@ from ....model.network.qualities import DEFAULT
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.settings import BACKGROUNDS, Settings
+from ..flight.mouse import DEFAULT as DEFAULT_MOUSE
+from ..flight.mouse import PRESETS
 from .recent import state_dir
 from .work import LARGEST_SHOT
 
@@ -30,7 +33,8 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class Preferences:
     """width, height: of the window, logical pixels.  outliner, inspector: whether the panels are open.  background: a key of
-    BACKGROUNDS.  shot_scale: times the window's size that F12 saves.  quality, detail: as in Settings."""
+    BACKGROUNDS.  shot_scale: times the window's size that F12 saves.  quality, detail: as in Settings.
+    mouse: a key of viewer.window.flight.mouse.PRESETS."""
 
     width: int = 1280
     height: int = 720
@@ -40,10 +44,11 @@ class Preferences:
     shot_scale: int = 1
     quality: str = DEFAULT
     detail: float = 1.0
+    mouse: str = DEFAULT_MOUSE
 
     def __post_init__(self) -> None:
         good = (min(self.width, self.height) >= SMALLEST and max(self.width, self.height) <= LARGEST_SIDE
-                and self.background in BACKGROUNDS and 1 <= self.shot_scale <= LARGEST_SHOT)
+                and self.background in BACKGROUNDS and self.mouse in PRESETS and 1 <= self.shot_scale <= LARGEST_SHOT)
         if not good:
             raise InputError(f"window preferences {asdict(self)}: out of range")
         Settings(quality=self.quality, detail=self.detail)  # raises InputError
@@ -83,7 +88,7 @@ def preferences_of(session: "Session") -> Preferences | None:
     try:
         return Preferences(round(width / density), round(height / density), panels.outliner, panels.inspector,
                            chosen.background, session.work.shot_scale, chosen.shown_settings.quality,
-                           float(chosen.shown_settings.detail))
+                           float(chosen.shown_settings.detail), session.flight.mouse)
     except InputError:
         return None
 
@@ -92,4 +97,4 @@ def take_preferences(session: "Session", kept: Preferences) -> None:
     """Puts into a new session what is not part of its settings or its window's size."""
     session.area.panels.outliner, session.area.panels.inspector = kept.outliner, kept.inspector
     session.view_settings.background = kept.background
-    session.work.shot_scale = kept.shot_scale
+    session.work.shot_scale, session.flight.mouse = kept.shot_scale, kept.mouse

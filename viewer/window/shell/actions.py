@@ -88,6 +88,9 @@ class WindowActions:
     def choose_background(self, name: str) -> None:
         self._session.view_settings.background = name
 
+    def choose_mouse(self, preset: str) -> None:
+        self._session.flight.mouse = preset
+
     def keep_up(self, on: bool) -> None:
         self._session.picture.adaptive_lod.keep_up, self._session.picture.dirty = on, True
 

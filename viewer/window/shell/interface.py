@@ -65,7 +65,7 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
     elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
         imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[app.toolbox.active.cursor]))
     if session.scene is None and session.loads.current is None and not session.help:
-        app.start_page.draw(app.projects.offers, app.actions, look)
+        app.start_page.draw(app.projects.offers, session.flight.mouse, app.actions, look)
     if session.interface and session.scene is not None:
         _overlays(app)
         hud.draw_handle(session, look, hovered=over)
