@@ -80,6 +80,16 @@ def check_the_icon_bar_looks_from_a_side(d: Driver) -> None:
     assert np.allclose(flight.state.position, flight.home.position) and np.allclose(flight.state.forward, flight.home.forward)
 
 
+def check_buttons_that_take_the_scan_away_act_when_the_interface_has_been_drawn(d: Driver) -> None:
+    d.resize(1200, 500)
+    scan = d.session.shown_scan.paths
+    Items(d).click(f"{icons.REMOVE}##close_scan")
+    assert d.session.scene is None
+    d.drop(*scan)
+    d.until(lambda: d.session.scene is not None and d.session.loads.current is None and not d.session.shown_scan.preview)
+    d.rest()
+
+
 def check_the_outliner_shows_hides_renames_and_deletes_what_was_made(d: Driver) -> None:
     d.resize(1200, 500)
     items, work = Items(d), d.session.work

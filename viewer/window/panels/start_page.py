@@ -70,6 +70,7 @@ class StartPage:
         imgui.dummy(ImVec2(0, px(6)))
         self._buttons(actions, style)
         self._drop_area(style)
+        imgui.dummy(ImVec2(0, px(4)))
         draw_mouse_choice(mouse, actions, style, width=px(140))
         imgui.same_line(0, px(12))
         text_in(theme.DIM, fitted(PRESETS[mouse].text, imgui.get_content_region_avail().x))

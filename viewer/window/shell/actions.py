@@ -1,6 +1,7 @@
 """The window's actions: name in the table of controls (viewer.window.interaction.controls) -> what it does."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -51,21 +52,41 @@ class Host(Protocol):
 
 
 class WindowActions:
-    """What panels may have this window do (viewer.window.session.panel_actions).  table: name of a control -> what it does."""
+    """What panels may have this window do (viewer.window.session.panel_actions).  table: name of a control -> what it does.
+
+    What is asked for while the interface is drawn and may take the scan away is done when it has been drawn."""
 
     def __init__(self, host: Host):
         self._host, self._session, self.table = host, host.session, action_table(host)
+        self._later: list[Callable[[], object]] | None = None  # while the interface is drawn
+
+    @contextmanager
+    def drawing(self) -> Iterator[None]:
+        """The interface is drawn within the block."""
+        self._later = []
+        try:
+            yield
+        finally:
+            asked, self._later = self._later, None
+        for act in asked:
+            act()
+
+    def _when_drawn(self, act: Callable[[], object]) -> None:
+        if self._later is None:
+            act()
+        else:
+            self._later.append(act)
 
     def do(self, name: str) -> None:
         """Does what a control asks for.  On the start page only what can be seen there acts."""
         if self._host.session.scene is not None or name in _WITHOUT_SCENE:
-            self.table[name]()
+            self._when_drawn(self.table[name])
 
     def open(self, paths: Sequence[Path]) -> None:
-        self._host.open(paths)
+        self._when_drawn(partial(self._host.open, paths))
 
     def restore(self, found: Recoverable) -> None:
-        self._host.projects.restore(found)
+        self._when_drawn(partial(self._host.projects.restore, found))
 
     def ask_to_discard(self, found: Recoverable) -> None:
         self._host.projects.ask_to_discard(found)

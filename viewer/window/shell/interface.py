@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from ..kit.theme import Theme
     from ..panels.missing_scans import MissingScansDialog
     from ..panels.start_page import StartPage
-    from ..session.panel_actions import Actions
     from ..session.project_flow import ProjectFlow
     from ..session.session import Session
     from ..viewport.viewport import Viewport
+    from .actions import WindowActions
     from .input import Input
 
 _CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
@@ -47,7 +47,7 @@ class Host(Protocol):
     chosen_button: "ChosenButton"
 
     @property
-    def actions(self) -> "Actions": ...
+    def actions(self) -> "WindowActions": ...
 
 
 def draw_interface(app: Host, *, shown: bool = True) -> None:
@@ -55,6 +55,11 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
 
     shown: draw it, too, and not only lay it out: imgui sizes a window by its text in the frame before.
     """
+    with app.actions.drawing():
+        _draw(app, shown=shown)
+
+
+def _draw(app: Host, *, shown: bool) -> None:
     imgui, session, look = app.imgui, app.session, app.theme
     imgui.backends.opengl3_new_frame()
     imgui.backends.glfw_new_frame()
