@@ -25,7 +25,7 @@ def main() -> None:
     from PIL import Image
 
     from pointglass.viewer.commands.demo import demo_camera, demo_scan
-    from pointglass.viewer.window.interaction.clip_tool import extent_of
+    from pointglass.viewer.window.interaction.clipping.clip_tool import extent_of
     from pointglass.viewer.window.interaction.editing import edit
 
     with tempfile.TemporaryDirectory() as folder:

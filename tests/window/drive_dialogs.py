@@ -243,7 +243,7 @@ def check_one_of_several_files_is_hidden_and_flown_to(p: Person, folder: Path) -
 
 
 def check_a_clip_that_is_deleted_while_it_is_dragged_changes_no_other(p: Person, folder: Path) -> None:
-    from pointglass.viewer.window.interaction.clip_tool import handles
+    from pointglass.viewer.window.interaction.clipping.clip_tool import handles
 
     p.d.session.go_home()
     p.key("b")

@@ -15,7 +15,7 @@ from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.file_dialog.chosen_path import examine
-from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
+from pointglass.viewer.window.interaction.clipping.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
 from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
 from pointglass.viewer.window.session import exact_points

@@ -3,7 +3,7 @@
 The order is that of the buttons; Fly stays first because it receives what the selected tool leaves.
 """
 
-from .clip_tool import ClipOutlines, ClipTool
+from .clipping.clip_tool import ClipOutlines, ClipTool
 from .colours import AttributeLegend, Colours
 from .film.film_tool import Film
 from .fly import Fly

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
-from ...work.document import replaced, unique_name, without
-from ..kit import icons
-from .editing import edit, unit_of
-from .outline import Group, Row
-from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from ....picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
+from ....work.document import replaced, unique_name, without
+from ...kit import icons
+from ..editing import edit, metres_per_unit, unit_of
+from ..outline import Group, Row
+from ..tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from .clip_numbers import draw_numbers
 
 if TYPE_CHECKING:
-    from ..kit.overlay import OverlayCanvas
+    from ...kit.overlay import OverlayCanvas
 
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""
@@ -265,6 +266,9 @@ class ClipTool(Tool):
             changed, thickness = ui.input_float("##thickness", clip.thickness, 0.0, 0.0, f"%.4g {unit_of(context)} thick")
             if changed and np.isfinite(thickness) and thickness > 0:
                 self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=float(thickness)), "thickness")
+        metres = metres_per_unit(context)
+        draw_numbers(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3,
+                     lambda what, typed, field: self._store(context, what, typed, ("typed", field)))
         for degrees in (-15.0, 15.0):
             if ui.button(f"turn {degrees:+.0f}°"):
                 self._store(context, f"Turn {clip.name}", turned(clip, degrees, np.array(context.document.up)))

@@ -1,0 +1,1 @@
+"""Clip boxes and slabs."""
