@@ -1,8 +1,9 @@
-"""A person exports points, by X key and pointer events, for ``test_exports.py``; laspy reads what was written."""
+"""A person exports points, by X key and pointer events, for ``test_exports.py``; other libraries read what was written."""
 
 import sys
 from pathlib import Path
 
+import ezdxf
 import laspy
 import numpy as np
 from drive_dialogs import Person, main
@@ -67,6 +68,29 @@ def check_a_name_that_cannot_be_written_is_told_and_the_scan_is_never_replaced(p
     p.d.app.save_actions.points.start(scan)
     p.d.until(lambda: p.d.session.notices.message is not None, 60.0)
     assert "the scan itself" in p.d.session.notices.message.text and scan.read_bytes() == before
+
+
+def check_a_sheet_on_paper_and_a_drawing_of_its_lines_are_saved_from_the_section_tool(p: Person, folder: Path) -> None:
+    p.d.session.work.undo()  # the clip
+    p.key("n")
+    p.d.settle()
+    p.click("##paper")
+    p.click("A4")
+    tool = next(tool for tool in p.d.app.toolbox.tools if tool.name == "section")
+    assert tool.sheet.paper == "A4" and tool.sheet.scale is None
+    tool.height = 0.01  # the scan is flat: all of it is cut
+    for name, start in (("sheet.pdf", b"%PDF"), ("lines.dxf", b"")):
+        out = folder / "projects" / name
+        p.click("Save sheet…")
+        p.listed()
+        xdo("key", "ctrl+a")
+        p.type(f"{folder}/projects/{name}")
+        p.key("Return")
+        p.d.until(lambda out=out: out in p.d.session.notices.saved, 60.0)
+        assert out.read_bytes().startswith(start)
+    ezdxf.readfile(folder / "projects" / "lines.dxf")  # type: ignore[reportPrivateImportUsage]
+    p.d.picture("section panel")
+    p.key("Escape")
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}

@@ -7,10 +7,11 @@ from PIL import Image
 from pointglass.viewer import cli
 from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.commands.section import splat_kernels
-from pointglass.viewer.commands.section.command import paper_of, parse_scale
+from pointglass.viewer.commands.section.command import parse_scale
 from pointglass.viewer.commands.section.cut import along_line, elevation, plan
 from pointglass.viewer.commands.section.orthographic import CLOSES, CellSpacings, draw
 from pointglass.viewer.commands.section.sheet import INCH, borders, round_length, sheet, write_sheet
+from pointglass.viewer.commands.section.sheet_request import paper_of
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack

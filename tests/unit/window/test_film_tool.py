@@ -184,7 +184,7 @@ def finish(tool, context):
 
 def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
     tool = SectionTool()
-    tool.scale, made = 100, tmp_path / "plan.png"
+    tool.sheet.scale, made = 100, tmp_path / "plan.png"
     tool.start(context, made)
     finish(tool, context)
     assert list(tmp_path.iterdir()) == [made]

@@ -5,11 +5,11 @@ span the paper, ``forward`` is the direction of view.  A point's paper coordinat
 its depth is along ``forward``.  A plan looks down, its paper axes are x and y of the file (for an up axis z).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...picture.clip import Vector, vector
 from ...work.places.up_axis import upright_axes
 
@@ -57,14 +57,17 @@ def plan(height: float, thickness: float, up: Vector = (0.0, 0.0, 1.0)) -> Cut:
     _check("--plan", height)
     axes = upright_axes(up)
     return Cut(vector(height * axes[:, 2]), vector(axes[:, 0]), vector(axes[:, 1]), vector(-axes[:, 2]),
-               *_halves(thickness), "plan", f"at height {height:g}, thickness {thickness:g}")
+               *_halves(thickness), "plan", f"at height {height:.10g}, thickness {thickness:g}")
 
 
-def elevation(azimuth: float, thickness: float | None, bounds: np.ndarray, up: Vector = (0.0, 0.0, 1.0)) -> Cut:
-    """The scan seen from outside in a compass direction.
+def elevation(azimuth: float, thickness: float | None, bounds: np.ndarray, up: Vector = (0.0, 0.0, 1.0), *,
+              begin: "float | tuple[float, float] | None" = None) -> Cut:
+    """The scan seen from outside in a compass direction, or from a cut plane on.
 
     azimuth: degrees clockwise from the second level axis (y, grid north), in which one looks.  thickness: of the part nearest
-    to the eye, None: everything.  bounds: (2, 3) of the scan.
+    to the eye, None: everything.  bounds: (2, 3) of the scan.  begin: the upright cut plane, square to the direction of view;
+    what lies in front of it is left out: its distance from the scan's nearest corner, or a place on it, two level coordinates.
+    None: no cut plane.
     """
     _check("--elevation", azimuth)
     axes = upright_axes(up)
@@ -75,8 +78,15 @@ def elevation(azimuth: float, thickness: float | None, bounds: np.ndarray, up: V
     if thickness is not None:
         _halves(thickness)
     what = "everything" if thickness is None else f"the nearest {thickness:g}"
+    near, far = -np.inf, np.inf if thickness is None else thickness
+    if begin is not None:
+        _check("--from", *np.atleast_1d(begin))
+        near = float(begin) if isinstance(begin, (int, float)) else float((axes[:, :2] @ np.array(begin)) @ forward) - start
+        far = near + (np.inf if thickness is None else thickness)
+        what = f"from {begin:g} behind its front on" if isinstance(begin, (int, float)) else f"from {_places(begin)} on"
+        what += "" if thickness is None else f", depth {thickness:g}"
     return Cut(vector(start * forward), _right(forward, axes[:, 2]), vector(axes[:, 2]), vector(forward),
-               -np.inf, np.inf if thickness is None else thickness, "elevation", f"looking {azimuth % 360:g}\u00b0, {what}")
+               near, far, "elevation", f"looking {azimuth % 360:g}\u00b0, {what}")
 
 
 def along_line(first, second, thickness: float, up: Vector = (0.0, 0.0, 1.0)) -> Cut:
@@ -92,13 +102,28 @@ def along_line(first, second, thickness: float, up: Vector = (0.0, 0.0, 1.0)) ->
     right = way / length
     forward = np.cross(axes[:, 2], right)
     near, far = _halves(thickness)
-    places = " to ".join(",".join(f"{value:g}" for value in end) for end in ends)
+    places = " to ".join(_places(end) for end in ends)
     return Cut(vector(axes[:, :2] @ ends[0]), vector(right), vector(axes[:, 2]), vector(forward), near, far, "line",
                f"from {places}, thickness {thickness:g}", 0.0, length)
 
 
+def cut_slab(cut: Cut, thickness: float) -> Cut:
+    """The thin slab in which lines are traced: that of a plan or a section; of an elevation ``thickness`` (file units) behind
+    its cut plane.  Raises InputError where an elevation has none: it cuts nothing."""
+    if cut.kind != "elevation":
+        return cut
+    if not np.isfinite(cut.near):
+        raise InputError("an elevation without a cut plane cuts nothing whose lines could be traced",
+                         remedy=("give the plane with ", Option("--from")))
+    return replace(cut, far=min(cut.far, cut.near + thickness))
+
+
 def _right(forward: np.ndarray, up: np.ndarray) -> Vector:
     return vector(np.cross(forward, up))
+
+
+def _places(place) -> str:
+    return ",".join(f"{value:.10g}" for value in place)
 
 
 def _halves(thickness: float) -> tuple[float, float]:

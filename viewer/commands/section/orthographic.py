@@ -52,24 +52,49 @@ class Drawing:
         return np.stack([(paper[:, 0] - self.left) / self.pixel, (self.top - paper[:, 1]) / self.pixel], axis=1)
 
 
-def draw(selection: Selection, cut: Cut, pixel: float) -> Drawing:
-    """The points of a selection that lie in a cut.  pixel: file units.  Raises InputError where there is none, or the drawing
-    would be larger than MAX_SIDE or MOST_PIXELS."""
+Extent = tuple[np.ndarray, np.ndarray, int]
+"""Lowest and highest paper coordinates and depth of points, (3,) each, and how many there are."""
+
+
+def slab_extent(selection: Selection, cut: Cut) -> Extent:
+    """Of the points of a selection that lie in a cut.  Raises InputError where there is none."""
+    return _Points(selection, cut).extent()
+
+
+def slab_points(selection: Selection, cut: Cut) -> np.ndarray:
+    """(n, 2) float64: paper coordinates of the points of a selection that lie in a cut; 16 bytes a point."""
+    parts = [paper[:, :2].copy() for _, _, paper in _Points(selection, cut).blocks("collecting the slab")]
+    return np.concatenate(parts) if parts else np.empty((0, 2))
+
+
+def draw(selection: Selection, cut: Cut, pixel: float, extent: Extent | None = None, *, picture: bool = True) -> Drawing:
+    """The points of a selection that lie in a cut.
+
+    pixel: file units.  extent: of :func:`slab_extent`, where it is known.  picture: False leaves the drawing empty.  In an
+    elevation, points whose colour is missing (viewer.preprocess.point_colour) hide what lies behind them and stay empty: they
+    are no black wall.  Raises InputError where there is no point, or the drawing would be larger than MAX_SIDE or MOST_PIXELS.
+    """
     from . import splat_kernels
 
     points = _Points(selection, cut)
-    low, high, count = points.extent()
+    low, high, count = extent or points.extent()
     border = BORDER * pixel
     left, top = np.floor((low[0] - border) / pixel) * pixel, np.ceil((high[1] + border) / pixel) * pixel
     width, height = int((high[0] + border - left) / pixel) + 1, int((top - low[1] + border) / pixel) + 1
     if max(width, height) > MAX_SIDE or width * height > MOST_PIXELS:
         raise InputError(f"the drawing would be {width:,}x{height:,} pixels; at most {MAX_SIDE:,} a side and {MOST_PIXELS:,} "
                          "in all can be drawn", remedy="choose a smaller scale (such as 1:200), fewer --dpi or a shorter line")
+    if not picture:
+        return Drawing(np.zeros((height, width, 4), np.uint8), float(left), float(top), pixel, count, cut)
+    colourless = cut.kind == "elevation" and selection.scene.unlit
     nearest = np.full((height, width), np.inf)
     for columns, rows, depths, radii, _, _ in points.discs(left, top, pixel, "drawing depth"):
         splat_kernels.nearest_depths(nearest, columns, rows, depths, radii)
     sums = np.zeros((height, width, 4), np.int64)
     for columns, rows, depths, radii, tolerances, colours in points.discs(left, top, pixel, "drawing colour"):
+        if colourless and len(known := np.flatnonzero(colours.any(axis=1))) < len(colours):
+            columns, rows, depths, radii, tolerances, colours = (each[known] for each in (columns, rows, depths, radii,
+                                                                                          tolerances, colours))
         splat_kernels.add_colours(sums, nearest, columns, rows, depths, radii, tolerances, colours)
     weight = sums[..., 3:]
     image = np.zeros((height, width, 4), np.uint8)
@@ -86,17 +111,18 @@ class _Points:
         self._selection = replace(selection, within=(*selection.within, *_around(cut)))
         self._spacings = CellSpacings(selection.scene)
 
-    def _blocks(self, label: str) -> Iterator[tuple[Block, np.ndarray, np.ndarray]]:
+    def blocks(self, label: str) -> Iterator[tuple[Block, np.ndarray, np.ndarray]]:
+        """Each block, which of its points (n,) bool belong to the cut, and these in paper coordinates."""
         for block in self._selection.blocks(label):
             paper = self._cut.paper(block.xyz)
             kept = self._cut.contains(paper)
             if kept.any():
                 yield block, kept, paper[kept]
 
-    def extent(self) -> tuple[np.ndarray, np.ndarray, int]:
-        """Lowest and highest paper coordinates (3,), and how many points.  Raises InputError where there is none."""
+    def extent(self) -> Extent:
+        """Raises InputError where there is no point."""
         low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
-        for _, _, paper in self._blocks("finding the slab"):
+        for _, _, paper in self.blocks("finding the slab"):
             low, high = np.minimum(low, paper.min(axis=0)), np.maximum(high, paper.max(axis=0))
             count += len(paper)
         if not count:
@@ -108,7 +134,7 @@ class _Points:
 
     def discs(self, left: float, top: float, pixel: float, label: str) -> Iterator[tuple[np.ndarray, ...]]:
         """columns, rows, depths, radii (pixels), tolerances (n,) float64 and colours (n, 3) uint8 of each block."""
-        for block, kept, paper in self._blocks(label):
+        for block, kept, paper in self.blocks(label):
             spacing = self._spacings.at(block.xyz[kept])
             radii = np.clip(CLOSES * spacing / pixel, 0.0, WIDEST)
             columns, rows = (paper[:, 0] - left) / pixel, (top - paper[:, 1]) / pixel

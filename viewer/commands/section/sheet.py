@@ -4,6 +4,7 @@ One pixel of the drawing is 1/dpi inch of paper, in both formats: a length measu
 in the scan.  The sheet is as large as the drawing and its borders.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -17,14 +18,16 @@ from ...common.errors import InputError
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
+from .sheet_text import fitting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...grid.scene import Scene
+    from ...work.sheets.cut_lines import Trace
     from .orthographic import Drawing
 
-SUFFIXES = (".png", ".pdf")
+SUFFIXES = (".png", ".pdf", ".dxf")
 INCH = 0.0254
 """Metres."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 20.0, 10.0, 10.0, 36.0
@@ -36,6 +39,8 @@ _TICKS = 14.0
 _BAR = (25.0, 62.0)
 """Shortest and longest scale bar, millimetres."""
 _INK, _QUIET = "#16191d", "#6a7078"
+CUT_WIDTH = 1.0
+"""Of traced lines, points: 0.35 mm."""
 _COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
@@ -64,42 +69,52 @@ def write_sheet(out: Path, drawing: "Drawing", paper: Paper, scene: "Scene", tit
     """Writes the sheet; returns its width and height in millimetres.  Raises InputError; then nothing is left behind."""
     check_out(out)
     figure = sheet(drawing, paper, scene, title)
-    data = BytesIO()
-    _save(figure, data, out.suffix.lower().removeprefix("."), paper)
-    try:
-        write_atomic(out, lambda beside: beside.write_bytes(data.getvalue()))
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=out,
-                         remedy="make room, or choose another place for it") from None
+    write_figures(out, [(figure, paper.dpi)])
     width, height = figure.get_size_inches() * INCH * 1000
     return float(width), float(height)
 
 
-def sheet_picture(drawing: "Drawing", paper: Paper, scene: "Scene", title: str) -> np.ndarray:
-    """The sheet as (H, W, 3) uint8, to be looked at."""
-    figure = sheet(drawing, paper, scene, title)
-    figure.canvas.draw()
-    return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+def write_figures(out: Path, figures: Sequence[tuple["Figure", int]]) -> None:
+    """Writes sheets with their pixels an inch: a PNG of one, or a PDF with a page for each.  Raises InputError; then nothing is
+    left behind."""
+    data = BytesIO()
+    _save(figures, data, out.suffix.lower().removeprefix("."))
+    write_whole(out, lambda beside: beside.write_bytes(data.getvalue()))
+
+
+def write_whole(out: Path, writer: Callable[[Path], object]) -> None:
+    """Writes a file beside its place and renames it.  Raises InputError where it cannot be written."""
+    try:
+        write_atomic(out, writer)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out,
+                         remedy="make room, or choose another place for it") from None
 
 
 def check_out(out: Path) -> None:
     """Raises InputError where a sheet cannot be written there."""
     if out.suffix.lower() not in SUFFIXES:
         raise InputError(f"{out.suffix or 'no ending'} is not written", option="--out", value=out,
-                         remedy=f"use {' or '.join(SUFFIXES)}")
+                         remedy=f"use {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
     if out.is_dir() or passes_through(out):
         raise InputError("is not a file that can be replaced", option="--out", value=out, remedy="choose another name")
     if not out.parent.is_dir():
         raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
 
 
-def _save(figure: "Figure", data: BytesIO, kind: str, paper: Paper) -> None:
+def _save(figures: Sequence[tuple["Figure", int]], data: BytesIO, kind: str) -> None:
     import matplotlib as mpl
+    from matplotlib.backends.backend_pdf import PdfPages
 
     # no date, so that the same section gives the same bytes; type 42: text stays text
     with mpl.rc_context({"pdf.fonttype": 42, "svg.hashsalt": "pointglass"}):
-        figure.savefig(data, format=kind, dpi=paper.dpi,
-                       metadata={"CreationDate": None} if kind == "pdf" else {"Software": f"pointglass {__version__}"})
+        if kind == "pdf":
+            with PdfPages(data, metadata={"CreationDate": None, "Creator": f"pointglass {__version__}"}) as pages:
+                for figure, dpi in figures:
+                    pages.savefig(figure, dpi=dpi)
+        else:
+            ((figure, dpi),) = figures
+            figure.savefig(data, format=kind, dpi=dpi, metadata={"Software": f"pointglass {__version__}"})
 
 
 def borders(drawing: "Drawing", paper: Paper) -> tuple[int, int, int, int]:
@@ -111,8 +126,8 @@ def borders(drawing: "Drawing", paper: Paper) -> tuple[int, int, int, int]:
     return left + (width - left - columns - right) // 2, top, width, top + rows + bottom
 
 
-def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str) -> "Figure":
-    """The sheet as a matplotlib figure."""
+def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "Trace | None" = None) -> "Figure":
+    """The sheet as a matplotlib figure, with traced lines where there are any."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -123,6 +138,10 @@ def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str) -> "Figu
     axes = figure.add_axes((left / width, 1 - (top + rows) / height, columns / width, rows / height))
     extent = (drawing.left, drawing.left + columns * drawing.pixel, drawing.top - rows * drawing.pixel, drawing.top)
     axes.imshow(drawing.image, extent=extent, interpolation="none", aspect="auto")
+    for line in trace.lines if trace is not None else ():
+        ring = np.concatenate([line.vertices, line.vertices[:1]]) if line.closed else line.vertices
+        axes.plot(*ring.T, color=_INK, linewidth=CUT_WIDTH, solid_joinstyle="miter")
+    axes.set(xlim=extent[:2], ylim=extent[2:])
     step = round_length(_TICKS / 1000 * paper.scale / paper.metres)
     for axis, low, high in ((axes.xaxis, extent[0], extent[1]), (axes.yaxis, extent[2], extent[3])):
         ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step + 0.0  # no -0
@@ -152,17 +171,21 @@ def _title(figure: "Figure", drawing: "Drawing", paper: Paper, scene: "Scene", t
 
     cut = drawing.cut
     figure.add_artist(Line2D([10 / width, 1 - 10 / width], [23 / height] * 2, color=_INK, linewidth=0.8))
-    figure.text(*at(10, 16.5), title, fontsize=10, fontweight="bold", color=_INK)
-    figure.text(*at(10, 11.5), f"{KINDS[cut.kind].capitalize()} {cut.text}   ·   1:{paper.scale:g}", fontsize=7.5, color=_INK)
-    unit = unit_name(paper.metres) + (" (assumed: the file names no unit)" if paper.assumed else "")
-    crs = scene.meta.crs
-    frame = f"coordinates in {unit}" + (f", {_short(crs)}" if crs else "")
-    facts = f"{counted(drawing.count, 'measured point')}, spacing {scene.spacing:.3g}   ·   {frame}"
-    figure.text(*at(10, 7.2), facts, fontsize=6, color=_QUIET)
-    figure.text(*at(10, 4.0), f"pointglass {__version__}: nothing filled, nothing repainted", fontsize=6, color=_QUIET)
     metres = round_length(_BAR[0] / 1000 * paper.scale)
     length = metres / paper.scale * 1000
     right = width - 24
+    room = right - length - 10 - 4  # the scale bar lies beside the title
+    caption = f"{KINDS[cut.kind].capitalize()} {cut.text}   ·   1:{paper.scale:g}"
+    for y, text, size, weight in ((16.5, title, 10, "bold"), (11.5, caption, 7.5, "normal")):
+        text, fits = fitting(text, room, size, weight == "bold")
+        figure.text(*at(10, y), text, fontsize=fits, fontweight=weight, color=_INK, parse_math=False)
+    unit = unit_name(paper.metres) + (" (assumed: the file names no unit)" if paper.assumed else "")
+    crs = scene.meta.crs
+    frame = f"coordinates in {unit}" + (f", {short_reference(crs)}" if crs else "")
+    facts = f"{counted(drawing.count, 'measured point')}, spacing {scene.spacing:.3g}   ·   {frame}"
+    facts, fits = fitting(facts, width - 20, 6)
+    figure.text(*at(10, 7.2), facts, fontsize=fits, color=_QUIET, parse_math=False)
+    figure.text(*at(10, 4.0), f"pointglass {__version__}: nothing filled, nothing repainted", fontsize=6, color=_QUIET)
     parts = 4
     for part in range(parts):
         corner = right - length + part * length / parts
@@ -182,7 +205,7 @@ def _title(figure: "Figure", drawing: "Drawing", paper: Paper, scene: "Scene", t
                     color=_INK, ha="center", linespacing=1.3)
 
 
-def _short(text: str, most: int = 60) -> str:
+def short_reference(text: str, most: int = 60) -> str:
     text = " ".join(text.split())
     if text.startswith(("PROJCS", "GEOGCS", "COMPD_CS", "PROJCRS", "GEOGCRS", "COMPOUNDCRS")) and text.count('"') > 1:
         text = text.split('"')[1]

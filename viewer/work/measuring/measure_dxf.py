@@ -17,7 +17,7 @@ from .measurement import KINDS, Measurement
 if TYPE_CHECKING:
     from ezdxf.layouts.layout import Modelspace
 
-_UNITS = {"m": 6, "mm": 4, "cm": 5, "km": 7, "ft": 2, "in": 1, "ftUS": 21}
+INSUNITS = {"m": 6, "mm": 4, "cm": 5, "km": 7, "ft": 2, "in": 1, "ftUS": 21}
 """$INSUNITS of DXF by unit_name; 0 of others: none."""
 _COLOURS = (1, 2, 3, 4, 5, 6, 30, 40, 80, 140, 200, 220)
 """Indices of AutoCAD's colours, one for each kind."""
@@ -29,7 +29,7 @@ def write_dxf(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
     """Writes the measurements to an open path; the caller replaces an older file.  Raises OSError."""
     import ezdxf
 
-    drawing = ezdxf.new("R2010", units=_UNITS.get(unit_name(metres_per_unit), 0))  # type: ignore[reportPrivateImportUsage]
+    drawing = ezdxf.new("R2010", units=INSUNITS.get(unit_name(metres_per_unit), 0))  # type: ignore[reportPrivateImportUsage]
     space, unit = drawing.modelspace(), unit_name(metres_per_unit)
     drawn = [(measurement, shapes_of(measurement)) for measurement in measurements]
     height = _TEXT * _size([shapes for _, shapes in drawn])

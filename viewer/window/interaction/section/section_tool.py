@@ -1,4 +1,4 @@
-"""Section: plans, elevations and sections to scale of what is in sight, saved as PDF or PNG.
+"""Section: plans, elevations and sections to scale of what is in sight, saved as PDF, PNG or DXF.
 
 A click on a measured point sets the height of a plan, or the ends of a section line.  The slab is drawn over the picture; it
 can be made a clip, so that the view shows what the sheet will.  Sheets are drawn on a thread of their own.
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....commands.section.command import THICKNESS, paper_of
 from ....commands.section.cut import KINDS, Cut, along_line, elevation, plan
+from ....commands.section.sheet_request import THICKNESS
 from ....common.errors import InputError
 from ....picture.clip import Slab, vector
 from ....work.document import unique_name
@@ -21,18 +21,16 @@ from ....work.selection import Selection
 from ...kit import icons
 from ...kit.sliders import CLAMP, slider_float
 from ...kit.worker import Worker
-from ...saving.capture import name_kept
 from ..editing import Pointing, edit, end, ended, metres_per_unit, unit_of
 from ..tool import PointerEvent, Tool, ToolContext
-from .sheet_preview import SheetPreview, preview_dpi
+from .sheet_choices import FORMATS, SheetChoices, preview_work, sheet_work
+from .sheet_preview import SheetPreview
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from ...kit.overlay import OverlayCanvas
 
-SCALES = (10, 20, 50, 100, 200, 500)
-FORMATS = {"PDF sheet": (".pdf",), "PNG sheet": (".png",)}
 _HINTS = ("Click the left end of the line.", "Click the right end of the line.", "A further click begins another line.")
 """By the number of ends that are set."""
 
@@ -41,7 +39,7 @@ class SectionTool(Tool):
     """kind: a key of KINDS.  height, azimuth, ends, thickness: of the cut, None until they are set or take a usual value."""
 
     name, label, icon, key = "section", "Section", icons.SECTION, "N"
-    help = "plan, elevation or section to scale, as PDF or PNG"
+    help = "plan, elevation or section to scale, as PDF, PNG or DXF"
     cursor = "crosshair"
     takes_clicks = True
 
@@ -52,7 +50,7 @@ class SectionTool(Tool):
         self.azimuth = 0.0
         self.ends: list[np.ndarray] = []
         self.thickness: float | None = None
-        self.scale = 50
+        self.sheet = SheetChoices()
         self.worker: Worker | None = None
         self.preview = SheetPreview()
 
@@ -146,7 +144,8 @@ class SectionTool(Tool):
         if self.cut(context) is None:
             context.toast("Click the two ends of the section line first")
             return
-        name = f"{context.session.shown_scan.title.split('.')[0]} {KINDS[self.kind]} 1-{self.scale}.pdf"
+        scale = f" 1-{self.sheet.scale}" if self.sheet.scale else ""
+        name = f"{context.session.shown_scan.title.split('.')[0]} {KINDS[self.kind]}{scale}.pdf"
         context.files.save("sheets", f"Save the {KINDS[self.kind]}", name, FORMATS, lambda out: self.start(context, out))
 
     def start(self, context: ToolContext, out: "Path") -> None:
@@ -155,18 +154,9 @@ class SectionTool(Tool):
         if cut is None or scene is None:
             context.toast("Click the two ends of the section line first")
             return
-        scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
+        scene = replace(scene, meta=context.session.facts)
         selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
-
-        def work() -> "Path":
-            from ....commands.section.orthographic import draw
-            from ....commands.section.sheet import write_sheet
-
-            paper = paper_of(scene, scale)
-            with name_kept(out):
-                write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
-            return out
-
+        work = sheet_work(out, selection, cut, self.sheet.request())
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
     def follow(self, context: ToolContext) -> None:
@@ -185,20 +175,11 @@ class SectionTool(Tool):
         if cut is None or scene is None:
             self.preview.follow(context, None, None)
             return
-        scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
+        scene = replace(scene, meta=context.session.facts)
         selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
-
-        def work() -> np.ndarray:
-            from ....commands.section.orthographic import draw
-            from ....commands.section.sheet import sheet_picture
-
-            usual = paper_of(scene, scale)
-            longest = float(np.ptp(scene.bounds, axis=0).max())
-            paper = paper_of(scene, scale, preview_dpi(longest, scale, usual.metres))
-            return sheet_picture(draw(selection, cut, paper.pixel), paper, scene, scene.meta.title)
-
-        self.preview.follow(context, (cut, scale, document.clips, selection.hidden, weakref.ref(context.scene), document.scans),
-                            work)
+        work, request = preview_work(selection, cut, self.sheet), self.sheet.request()
+        of = cut, request, document.clips, selection.hidden, weakref.ref(context.scene), document.scans
+        self.preview.follow(context, of, work)
 
     def left(self, context: ToolContext) -> None:
         self.preview.shown = False
@@ -259,12 +240,7 @@ class SectionTool(Tool):
             if ui.button("Cancel"):
                 self.worker.cancel()
             return
-        ui.set_next_item_width(-1)
-        if ui.begin_combo("##scale", f"scale 1:{self.scale}"):
-            for scale in SCALES:
-                if ui.selectable(f"1:{scale}", scale == self.scale)[0]:
-                    self.scale = scale
-            ui.end_combo()
+        self.sheet.panel(ui)
         if ui.button("Preview"):
             self.preview.shown = not self.preview.shown
         ui.same_line()

@@ -1,0 +1,1 @@
+"""Sheets of plans, elevations and sections: paper and its layout, lines traced along what is cut, drawings as DXF."""

@@ -1,0 +1,65 @@
+"""Traced lines of a cut as a flat DXF drawing: polylines, a frame of coordinates, texts; a layer for each.  By ezdxf.
+
+Coordinates are those of the paper in file units: of a plan the x and y of the file, of a section the length along its line and
+the height, of an elevation the coordinate to the right and the height.  z is 0.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...common.text import printable
+from ..measuring.measure_dxf import INSUNITS
+from ..measuring.measure_text import unit_name
+from .cut_lines import Trace
+from .paper_layout import grid_places, grid_text
+
+CUT, FRAME, GRID, TEXT = LAYERS = ("POINTGLASS CUT", "POINTGLASS FRAME", "POINTGLASS GRID", "POINTGLASS TEXT")
+_COLOURS = {CUT: 7, FRAME: 8, GRID: 8, TEXT: 8}
+"""Indices of AutoCAD's colours: 7 is black on white, 8 grey."""
+_CUT_WEIGHT = 35
+"""Width of lines of the layer CUT, hundredths of a millimetre."""
+_HEIGHT, _BESIDE = 0.08, 0.25
+"""Height of texts and length of ticks, and the border around what is drawn, in steps of the grid."""
+
+
+def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, step: float, texts: Sequence[str],
+                  metres_per_unit: float | None) -> None:  # fmt: skip
+    """Writes the drawing to an open path; the caller replaces an older file.
+
+    low, high: (2,) paper coordinates of what was measured in the cut.  step: of the grid, file units.  texts: lines beneath the
+    frame.  Raises OSError.
+    """
+    import ezdxf
+
+    unit = INSUNITS.get(unit_name(metres_per_unit), 0)
+    drawing = ezdxf.new("R2010", units=unit)  # type: ignore[reportPrivateImportUsage]
+    for layer, colour in _COLOURS.items():
+        drawing.layers.add(layer, color=colour, lineweight=_CUT_WEIGHT if layer == CUT else 13)
+    space = drawing.modelspace()
+    for line in trace.lines:
+        space.add_lwpolyline(line.vertices.tolist(), close=line.closed, dxfattribs={"layer": CUT})
+    (left, bottom), (right, top) = low - _BESIDE * step, high + _BESIDE * step
+    edge = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    space.add_lwpolyline(edge, close=True, dxfattribs={"layer": FRAME})
+    size = _HEIGHT * step
+    xs, ys = grid_places(left, right, step), grid_places(bottom, top, step)
+    for x in xs:
+        for y, way in ((bottom, -size), (top, size)):
+            space.add_line((x, y), (x, y + way), dxfattribs={"layer": FRAME})
+        _text(space, grid_text(x, step), (x - size, bottom - 3.0 * size), size)
+        for y in ys:
+            space.add_line((x - size, y), (x + size, y), dxfattribs={"layer": GRID})
+            space.add_line((x, y - size), (x, y + size), dxfattribs={"layer": GRID})
+    for y in ys:
+        for x, way in ((left, -size), (right, size)):
+            space.add_line((x, y), (x + way, y), dxfattribs={"layer": FRAME})
+        _text(space, grid_text(y, step), (left - 2.0 * size, y - size), size, rotation=90.0)
+    for row, text in enumerate(texts):
+        _text(space, printable(text), (left, bottom - (6.0 + 2.0 * row) * size), size)
+    drawing.saveas(path)
+
+
+def _text(space, text: str, place: tuple[float, float], height: float, rotation: float = 0.0) -> None:
+    space.add_text(text, height=height, rotation=rotation, dxfattribs={"layer": TEXT}).set_placement(place)
