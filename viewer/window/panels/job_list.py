@@ -67,5 +67,6 @@ def _result(path: Path, actions: Actions, style: Theme) -> None:
     if icon_button(f"{icons.OPEN}##folder", "Open its folder", style, side=side):
         actions.open_saved(path.parent)
     imgui.same_line(0, 0)
+    imgui.set_cursor_pos_y(top)
     if icon_button(f"{icons.REMOVE}##forget", "Take it off this list; the file stays", style, side=side):
         actions.forget_saved(path)
