@@ -271,7 +271,7 @@ def check_a_sheet_is_previewed_over_the_picture_and_drawn_anew_when_the_cut_chan
     d.until(lambda: tool.preview.image is not None, 60.0)
     d.picture("sheet preview")
     plan = tool.preview.image
-    tool.scale = 100
+    tool.sheet.scale = 100
     d.until(lambda: tool.preview.image is not plan and tool.preview.image is not None, 60.0)
     assert tool.preview.image.shape != plan.shape
     tool.kind = "line"
@@ -279,7 +279,7 @@ def check_a_sheet_is_previewed_over_the_picture_and_drawn_anew_when_the_cut_chan
     d.settle()
     items.click("Close preview")
     assert not tool.preview.shown
-    tool.kind, tool.scale = "plan", 50
+    tool.kind, tool.sheet.scale = "plan", 50
     d.key("ESCAPE")
     d.resize(*SIZE)
     d.rest()
