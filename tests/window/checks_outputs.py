@@ -283,3 +283,41 @@ def check_a_sheet_is_previewed_over_the_picture_and_drawn_anew_when_the_cut_chan
     d.key("ESCAPE")
     d.resize(*SIZE)
     d.rest()
+
+
+def check_pictures_are_saved_with_the_legend_of_what_points_are_coloured_by(d: Driver) -> None:
+    from dataclasses import replace
+
+    import numpy as np
+    from PIL import Image
+
+    from pointglass.viewer.render.described_picture import picture_of
+    from pointglass.viewer.window.session.colour_legend import shown_legend
+    from pointglass.viewer.work.pictures.picture_legend import with_legend
+    from pointglass.viewer.work.pictures.shot_metadata import read_shot
+
+    d.rest()
+    saves, work = d.app.save_actions, d.session.work
+    work.edit("Colour", look=replace(work.document.look, colour_by="height"))
+    d.session.view_settings.show_points()
+    d.rest()
+    pictures = []
+    for legend in (False, True):
+        work.shot_legend = legend
+        path = saves.screenshot()
+        assert path is not None
+        pictures.append(np.asarray(Image.open(path)).astype(int))
+    assert "with its legend" in d.session.notices.toasts[-1].text
+    work.shot_scale = 2
+    large = saves.screenshot()
+    d.until(lambda: saves.still is None, 60.0)
+    work.shot_scale, work.shot_legend = 1, False
+    legend, twice = shown_legend(d.session), np.asarray(Image.open(large))
+    assert legend is not None and twice.shape[:2] == (2 * len(pictures[0]), 2 * pictures[0].shape[1])
+    assert np.array_equal(twice, with_legend(picture_of(d.app.viewport.renderer, read_shot(large).spec), legend))
+    work.undo()
+    d.session.view_settings.show_colours()
+    d.rest()
+    height, width = pictures[0].shape[:2]
+    rows, columns = np.nonzero((pictures[0] != pictures[1]).any(axis=2))
+    assert 0.6 * height < rows.min() and rows.max() > 0.95 * height and columns.max() < 0.7 * width

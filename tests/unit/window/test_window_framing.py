@@ -1,5 +1,7 @@
 """The start viewpoint: objects entire and upright, terrain from above, rooms from inside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from window_session import room
@@ -96,3 +98,10 @@ def test_from_each_side_the_whole_scan_is_seen_upright(side, up, seed):
     assert camera.forward @ (upright @ direction) > 0.999 * np.linalg.norm(direction)
     ahead = upright @ (0.0, 1.0, 0.0) if side == "top" else np.array(up)
     assert camera.up @ ahead > 0.5, "+y lies at the top from above, up at the top from elsewhere"
+
+
+@pytest.mark.parametrize(("metres", "text"), [(1.0, "30 m/s"), (0.3048, "30 ft/s"), (None, "30 units/s"), (0.5, "15 m/s")])
+def test_a_speed_is_shown_in_the_unit_that_lengths_are_shown_in(metres, text):
+    flight = Flight(lambda: 0.0)
+    flight.state = replace(flight.state, speed=30.0)
+    assert flight.speed_text(metres) == text

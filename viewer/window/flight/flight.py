@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...picture.camera import Camera, from_fov
+from ...work.measuring.measure_text import unit_name
 from ...work.places.up_axis import turned, upright_axes
 from . import mouse
 from .framing import from_side, overview
@@ -193,9 +194,11 @@ class Flight:
             self.state = changed_speed(self.state, notches, self._seen.limits)
 
     def speed_text(self, metres_per_unit: float | None) -> str:
-        """The flying speed in metres a second where the length of a unit is known, else in file units."""
-        unit = "m/s" if metres_per_unit else "units/s"
-        return f"{self.state.speed * (metres_per_unit or 1.0):.3g} {unit}"
+        """The flying speed in the file's unit a second, in which lengths are shown too; in metres where that has no name."""
+        unit = unit_name(metres_per_unit)
+        if unit.startswith("x "):
+            return f"{self.state.speed * (metres_per_unit or 1.0):.3g} m/s"
+        return f"{self.state.speed:.3g} {unit}/s"
 
     def direction_to_middle(self, camera: Camera) -> np.ndarray:
         """(2,) unit vector, right and down in the camera's picture, in which the middle of the scene lies."""

@@ -11,21 +11,20 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ...grid.scene import unpack
-from ...picture.colour_modes import CLASSES, COLOUR_BY, RAMPS, Need, PointValue, category_colours, colours_of
+from ...picture.colour_modes import COLOUR_BY, RAMPS, Need, PointValue
 from ...picture.look import MOST_POINT_SIZE, TONES, Look
 from ...picture.views import POINT_VIEWS
 from ...render.raster.edit_block import ends_of
-from ...work.places.pick import station_name
 from ..kit import icons
 from ..kit.sliders import slider_float, slider_int
-from .editing import edit, unit_of
+from ..session.colour_legend import shown_legend
+from .editing import edit
 from .tool import Overlay, Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ..kit.overlay import OverlayCanvas
 
-_MOST_ROWS = 12  # of a legend
 _SAMPLE = 200_000  # points that tell whether a scan has intensities
 
 
@@ -53,32 +52,15 @@ class AttributeLegend(Overlay):
     name = "colour legend"
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        look, scene = context.document.look, context.scene
-        if scene is None or not look.recolours or not set(context.session.screen.drawn) <= set(POINT_VIEWS):
-            return
-        if context.session.work.tint:
+        legend = shown_legend(context.session)
+        if legend is None:
             return
         from ..kit.legend import draw_legend, draw_ramp
 
-        mode = COLOUR_BY[look.colour_by]
-        title = mode.text
-        if mode.legend != "ramp":
-            colours = category_colours(look.colour_by)
-            if mode.legend == "stations":
-                numbers = range(min(max(len(scene.meta.scans), 1), 256))
-                named = [(number, station_name(scene, number)) for number in numbers]
-            else:
-                named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.attributes.classes]
-            rows = [(tuple(int(c) for c in colours[number]), name) for number, name in named[:_MOST_ROWS]]
-            if len(named) > _MOST_ROWS:
-                title += f" (first {_MOST_ROWS} of {len(named)})"
-            draw_legend(overlay, rows, title)  # type: ignore[arg-type]
-            return
-        low, high = ends_of(context.document, scene, context.camera)
-        unit = "" if mode.value is PointValue.INTENSITY else f" {unit_of(context)}"
-        if mode.value is PointValue.INTENSITY:
-            low, high = scene.attributes.in_file(low), scene.attributes.in_file(high)
-        draw_ramp(overlay, colours_of(look.colour_by, look.ramp), title, f"{low:.4g}{unit}", f"{high:.4g}{unit}")
+        if legend.ramp is None:
+            draw_legend(overlay, legend.rows, legend.title)
+        else:
+            draw_ramp(overlay, legend.ramp, legend.title, legend.low, legend.high)
 
 
 class Colours(Tool):

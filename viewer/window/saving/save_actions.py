@@ -12,10 +12,12 @@ from ...common.errors import PointglassError
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
+from ...work.pictures.picture_legend import with_legend
 from ...work.pictures.shot_metadata import KEY, cannot_repeat
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import ToastSubject
 from ..kit.worker import Worker
+from ..session.colour_legend import shown_legend
 from ..session.session import Session
 from ..session.time_recording import FrameTimes
 from ..viewport.viewport import Viewport
@@ -68,14 +70,16 @@ class SaveActions:
                 path = name.enter_context(capture.stamped("pointglass", ".png", self.folder))
                 shot = shot_of(self._session, path.stem)
                 measurements, unit = self._measurements()
+                legend = shown_legend(self._session) if self._session.work.shot_legend else None
                 if shot is not None and self._session.work.shot_scale > 1:
-                    return self._begin(StillJob(self._session.scene, shot, path, None, measurements, unit), name)
+                    return self._begin(StillJob(self._session.scene, shot, path, None, measurements, unit, legend), name)
                 made = saved_picture(self._session, self._painter, path.stem)
                 if made is None:
                     return None
                 image, shot = made
                 height, width = image.shape[:2]
                 image = with_measurements(image, self._session.camera.resized(width, height), measurements, unit)
+                image = with_legend(image, legend) if legend is not None else image
                 text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
                 capture.save_png(path, image, text)
         except PointglassError as error:
@@ -84,7 +88,8 @@ class SaveActions:
         again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
         if shot is None and self._session.work.shot_scale > 1:
             again += ", and it has the window's size"
-        over = f" with {counted(len(measurements), 'measurement')}" if measurements else ""
+        parts = ([counted(len(measurements), "measurement")] if measurements else []) + (["its legend"] if legend else [])
+        over = f" with {' and '.join(parts)}" if parts else ""
         self._session.notices.tell_saved(path, f"Saved {path}{over}{again}")
         return path
 

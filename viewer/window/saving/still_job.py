@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ...work.ghosts import prepared
 from ...work.pictures.measured_picture import with_measurements
+from ...work.pictures.picture_legend import Legend, with_legend
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
 from ..kit.worker import Worker
 from .capture import save_png
@@ -27,7 +28,7 @@ class StillJob:
     """All that a still is made of, taken when it is asked for.
 
     shot: what is drawn; its camera has the size that is saved.  out: the PNG.  panorama: width and height of a 360-degree
-    picture around the camera instead, twice as wide as high.  measurements, unit: drawn over it, not over a panorama.
+    picture around the camera instead, twice as wide as high.  measurements, unit, legend: drawn over it, not over a panorama.
     """
 
     scene: "Scene"
@@ -36,6 +37,7 @@ class StillJob:
     panorama: tuple[int, int] | None = None
     measurements: "tuple[Measurement, ...]" = ()
     unit: str = ""
+    legend: Legend | None = None
 
     def render(self) -> Path:
         """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
@@ -54,6 +56,7 @@ class StillJob:
             try:
                 if self.panorama is None:
                     picture = with_measurements(picture_of(renderer, spec), spec.camera, self.measurements, self.unit)
+                    picture = with_legend(picture, self.legend) if self.legend is not None else picture
                     save_png(self.out, picture, {KEY: self.shot.drawn_with(renderer.choice.timed).text()})
                 else:
                     save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))

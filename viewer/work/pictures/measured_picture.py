@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ..measuring.measurement import Measurement
 
-_ACCENT, _EDGE, _TEXT, _PLATE = (92, 196, 192, 255), (10, 12, 14, 200), (233, 235, 238, 255), (29, 32, 37, 235)
+_ACCENT, _EDGE, TEXT, PLATE = (92, 196, 192, 255), (10, 12, 14, 200), (233, 235, 238, 255), (29, 32, 37, 235)
 """sRGB and opacity, the window's (viewer.window.kit.theme)."""
 _UNIT, _LEAST_UNIT = 1 / 720, 0.75
 """A design unit of the window, in which sizes below are given: a share of the picture's height, and pixels at least."""
@@ -35,19 +35,24 @@ def with_measurements(picture: np.ndarray, camera: "Camera", measurements: "Sequ
     if not measurements:
         return picture
     height, width = picture.shape[:2]
-    unit_length = max(_UNIT * height, _LEAST_UNIT)
+    size = unit_length(height)
     times = 2 if height * width <= _FINE else 1
     sheet = Image.new("RGBA", (width * times, height * times))
     large = camera.resized(*sheet.size)
     drawn = [shapes_of(measurement) for measurement in measurements]
     draw = ImageDraw.Draw(sheet)
     for shapes in drawn:
-        _draw(draw, large, shapes, unit_length * times)
+        _draw(draw, large, shapes, size * times)
     if times > 1:
         sheet = sheet.resize((width, height), Image.Resampling.BOX)
     texts = labels_of(measurements, unit)
-    _draw_labels(ImageDraw.Draw(sheet), camera, [shapes.label for shapes in drawn], texts, unit_length)
-    return _over(picture, np.asarray(sheet))
+    _draw_labels(ImageDraw.Draw(sheet), camera, [shapes.label for shapes in drawn], texts, size)
+    return drawn_over(picture, np.asarray(sheet))
+
+
+def unit_length(height: int) -> float:
+    """Pixels of a design unit of the window in a picture so many pixels high."""
+    return max(_UNIT * height, _LEAST_UNIT)
 
 
 def _draw(draw: Any, camera: "Camera", shapes: Shapes, unit: float) -> None:
@@ -71,28 +76,28 @@ def _draw(draw: Any, camera: "Camera", shapes: Shapes, unit: float) -> None:
 
 
 def _draw_labels(draw: Any, camera: "Camera", at: list[np.ndarray], texts: list[str], unit: float) -> None:
-    font, pad = _font(max(round(_LETTERS * unit), 9)), _PAD * unit
+    font, pad = letters(max(round(_LETTERS * unit), 9)), _PAD * unit
     boxes = [draw.textbbox((0, 0), text, font=font) for text in texts]
     sizes = [(right - left + 2 * pad, bottom - top + 2 * pad) for left, top, right, bottom in boxes]
     places, depths = camera.project(np.array(at))
     area = (0.0, 0.0, float(camera.width), float(camera.height))
     for number, (x, y) in label_places(places, depths, sizes, _GAP * unit, area, 4 * unit).items():
         width, height = sizes[number]
-        draw.rounded_rectangle([x, y, x + width, y + height], 4 * unit, fill=_PLATE)
-        draw.text((x + pad - boxes[number][0], y + pad - boxes[number][1]), texts[number], font=font, fill=_TEXT)
+        draw.rounded_rectangle([x, y, x + width, y + height], 4 * unit, fill=PLATE)
+        draw.text((x + pad - boxes[number][0], y + pad - boxes[number][1]), texts[number], font=font, fill=TEXT)
 
 
 @cache
-def _font(size: int) -> Any:
-    """Matplotlib's, which has Ø, ², Greek and Cyrillic letters; Pillow's own has not."""
+def letters(size: int) -> Any:
+    """The font, ``size`` pixels tall: Matplotlib's, which has Ø, ², Greek and Cyrillic letters; Pillow's own has not."""
     import matplotlib
     from PIL import ImageFont
 
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
 
 
-def _over(picture: np.ndarray, sheet: np.ndarray) -> np.ndarray:
-    """The sheet, not premultiplied, over a picture that is."""
+def drawn_over(picture: np.ndarray, sheet: np.ndarray) -> np.ndarray:
+    """The sheet, (H, W, 4) uint8, not premultiplied, over a picture of that size that is."""
     alpha, colour = sheet[..., 3:].astype(np.uint32), sheet[..., :3]
     if picture.shape[2] == 4:
         colour = np.concatenate([colour, np.full(alpha.shape, 255, np.uint8)], axis=2)

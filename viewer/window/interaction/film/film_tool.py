@@ -155,6 +155,9 @@ class Film(Tool):
         work.shot_measured = ui.checkbox("with measurements", work.shot_measured)[1]
         if ui.is_item_hovered():
             ui.set_tooltip("F12 draws measurements over the picture; `render --like` draws it again without them")
+        work.shot_legend = ui.checkbox("with legend", work.shot_legend)[1]
+        if ui.is_item_hovered():
+            ui.set_tooltip("F12 draws the legend of recoloured points; `render --like` draws the picture without it")
         if ui.button("Folder of pictures…"):
             context.saves.choose_folder()
         if ui.is_item_hovered():
