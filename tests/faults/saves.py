@@ -14,7 +14,8 @@ from .product import ROOT, Product, environment, left_in, run
 
 _AUTOSAVE = """
 import sys
-from pointglass.viewer.work.document import Annotation, Document
+from pointglass.viewer.work.document import Document
+from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.window import autosave
 autosave.PAUSE_S = 0.0
 kept = autosave.Autosave()
@@ -28,7 +29,8 @@ for number in range(1 << 30):
 _SAVE = """
 import sys
 from pathlib import Path
-from pointglass.viewer.work.document import Annotation, Document
+from pointglass.viewer.work.document import Document
+from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.project import write_project
 for number in range(1 << 30):
     note = Annotation(f"note {number}", (1.0, 2.0, 3.0))

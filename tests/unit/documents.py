@@ -9,9 +9,11 @@ from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
-from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
+from pointglass.viewer.work.document import CameraPath, Document, Keyframe, ScanFile
 from pointglass.viewer.work.fits.fit import Fit
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.work.notes.annotation import STATUSES, Annotation
+from pointglass.viewer.work.viewpoint import Viewpoint
 
 
 def random_view(random, name: str) -> Viewpoint:
@@ -39,6 +41,12 @@ def random_fits(random, kind: str) -> list[Fit | None]:
     return found
 
 
+def random_note(random, text: str, picture: str = "") -> Annotation:
+    return Annotation(text, vector(random.uniform(-1e6, 1e6, 3)), str(random.choice(list(STATUSES))),
+                      f"https://example.org/{random.integers(1000)}", picture, random_view(random, "note é"),
+                      f"2026-11-{random.integers(10, 29)}T12:00:00Z")
+
+
 def random_document(random, scans: list[str]) -> Document:
     def point() -> MeasuredPoint:
         return MeasuredPoint(vector(random.uniform(-1e6, 1e6, 3)), float(random.random()), float(random.random()), "scan é 1")
@@ -61,7 +69,7 @@ def random_document(random, scans: list[str]) -> Document:
         clips=(Box(vector(random.normal(size=3)), vector(random.random(3) + 0.1), rows, True),
                Slab(vector(random.normal(size=3)), rows[2], 0.5, active=False)),
         measurements=tuple(measurements),
-        annotations=(Annotation("crack\nsee \"photo\"", vector(random.normal(size=3))),),
+        annotations=(random_note(random, "crack\nsee \"photo\""), Annotation("", vector(random.normal(size=3)))),
         look=Look(str(random.choice(list(COLOUR_BY))), str(random.choice(list(RAMPS))), float(random.normal()), None, 1.5, -0.5,
                   point_size=3, edl=0.4),
         settings=Settings(view="filled", lod=1.5, filter_strength=2.0, weights=None),

@@ -3,7 +3,8 @@ text."""
 
 from ...model.common.printable import escaped_output, printable
 
-__all__ = ["bytes_text", "counted", "escaped_output", "left_text", "printable", "whole_number"]
+__all__ = ["bytes_text", "counted", "escaped_output", "left_text", "printable", "whole_number",
+           "with_whole_characters"]
 
 import math
 
@@ -58,3 +59,9 @@ def plain(value: object) -> str:
 def exact_text(value: float) -> str:
     """The shortest digits that stand for exactly this float64, also of a NumPy scalar, whose ``repr`` names its type."""
     return repr(float(value))
+
+
+def with_whole_characters(text: str) -> str:
+    """A text, with halves of characters (unpaired surrogates, which JSON can hold) escaped: no text can be drawn or written
+    that has one."""
+    return printable(text) if any("\ud800" <= letter <= "\udfff" for letter in text) else text

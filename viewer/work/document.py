@@ -12,19 +12,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..common.errors import InputError
-from ..common.text import printable
-from ..picture.camera import Camera, from_fov
-from ..picture.clip import Vector
+from ..common.text import with_whole_characters
+from ..picture.camera import Camera
 from ..picture.edits import Edits
 from ..picture.settings import BACKGROUNDS, Settings
 from .measuring.measurement import MeasuredPoint, Measurement
+from .notes.annotation import Annotation
+from .viewpoint import Viewpoint
 
-Matrix = tuple[
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-    tuple[float, float, float, float],
-]
 
 @dataclass(frozen=True)
 class ScanFile:
@@ -42,29 +37,6 @@ class ScanFile:
     def __post_init__(self) -> None:
         if self.metres_per_unit is not None and not (np.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
             raise InputError(f"{self.metres_per_unit!r} metres per unit: expected a number above 0", file=self.path)
-
-
-@dataclass(frozen=True)
-class Viewpoint:
-    """A bookmarked view.  camera_to_world: OpenGL axes (viewer.picture.camera).  vertical_fov: degrees."""
-
-    name: str
-    camera_to_world: Matrix
-    vertical_fov: float
-
-    def __post_init__(self) -> None:
-        from_fov(2, 2, self.vertical_fov, np.array(self.camera_to_world, np.float64), self.name)  # raises InputError
-
-    def camera(self, width: int, height: int) -> Camera:
-        """This view in a picture of so many pixels."""
-        return from_fov(width, height, self.vertical_fov, np.array(self.camera_to_world), self.name)
-
-    @staticmethod
-    def of(camera: Camera, name: str) -> "Viewpoint":
-        """The view of a camera; its principal point is not kept."""
-        fov = float(np.degrees(2 * np.arctan(0.5 * camera.height / camera.fy)))
-        a, b, c, d = (tuple(float(value) for value in row) for row in camera.camera_to_world)
-        return Viewpoint(whole(name), (a, b, c, d), fov)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -96,14 +68,6 @@ class CameraPath:
 
 
 @dataclass(frozen=True)
-class Annotation:
-    """A text at a place."""
-
-    text: str
-    position: Vector
-
-
-@dataclass(frozen=True)
 class Document(Edits):
     """Everything that a project file keeps: the edits of pictures, and the fields below.
 
@@ -132,25 +96,22 @@ class Document(Edits):
         return Edits(**found)
 
 
-def whole(name: str) -> str:
-    """A name, with halves of characters (unpaired surrogates, which JSON can hold) escaped: no text can be drawn or written
-    that has one."""
-    return printable(name) if any("\ud800" <= letter <= "\udfff" for letter in name) else name
-
-
 def with_whole_names(document: Document) -> Document:
     """The document of a file, in which every name and text can be drawn.  Paths stay as they are."""
-    def points(measurement: Measurement) -> tuple[MeasuredPoint, ...]:
-        return tuple(replace(point, scan=whole(point.scan)) for point in measurement.points)
+    def named(item: Any) -> Any:
+        return replace(item, name=with_whole_characters(item.name))
 
-    keys = tuple(replace(key, view=replace(key.view, name=whole(key.view.name))) for key in document.path.keyframes)
+    def points(measurement: Measurement) -> tuple[MeasuredPoint, ...]:
+        return tuple(replace(point, scan=with_whole_characters(point.scan)) for point in measurement.points)
+
+    keys = tuple(replace(key, view=named(key.view)) for key in document.path.keyframes)
     return replace(
         document,
-        clips=tuple(replace(clip, name=whole(clip.name)) for clip in document.clips),
-        viewpoints=tuple(replace(view, name=whole(view.name)) for view in document.viewpoints),
+        clips=tuple(map(named, document.clips)),
+        viewpoints=tuple(map(named, document.viewpoints)),
         path=replace(document.path, keyframes=keys),
-        measurements=tuple(replace(made, name=whole(made.name), points=points(made)) for made in document.measurements),
-        annotations=tuple(replace(note, text=whole(note.text)) for note in document.annotations),
+        measurements=tuple(replace(named(made), points=points(made)) for made in document.measurements),
+        annotations=tuple(note.with_whole_texts() for note in document.annotations),
     )
 
 

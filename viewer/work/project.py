@@ -1,9 +1,9 @@
 """The project file, ``.pointglass``: one JSON file with a Document in it, opened exactly as it was left.
 
 ``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.work.document,
-clips carry their ``type``.  Paths of scans and of weights are relative to the project file, with ``/``, where at most two
-folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its size and a checksum
-(viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
+clips carry their ``type``.  Paths of scans, of weights and of the pictures of notes are relative to the project file, with
+``/``, where at most two folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its size and a
+checksum (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
 """
 
 import contextlib
@@ -176,4 +176,6 @@ def with_paths(document: Document, change: typing.Callable[[str], str]) -> Docum
     settings = document.settings
     if settings.weights is not None:
         settings = dataclasses.replace(settings, weights=change(settings.weights))
-    return dataclasses.replace(document, scans=scans, settings=settings)
+    notes = tuple(dataclasses.replace(note, picture=change(note.picture)) if note.picture else note
+                  for note in document.annotations)
+    return dataclasses.replace(document, scans=scans, settings=settings, annotations=notes)

@@ -85,7 +85,7 @@ import sys, time
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
 import test_autosave as tests
-from pointglass.viewer.work.document import Annotation
+from pointglass.viewer.work.notes.annotation import Annotation
 tests.module.PAUSE_S = 0.0
 made = tests.Window(Path(sys.argv[1]))
 made.open(made.scan)

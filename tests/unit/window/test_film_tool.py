@@ -19,8 +19,9 @@ from pointglass.viewer.window.interaction.section.section_tool import SectionToo
 from pointglass.viewer.window.interaction.tool import KeyEvent, ToolContext
 from pointglass.viewer.work.cameras.camera_files import read_cameras
 from pointglass.viewer.work.cameras.keyframes import cameras_along, passing_seconds, path_seconds
-from pointglass.viewer.work.document import CameraPath, Document, Keyframe, Viewpoint
+from pointglass.viewer.work.document import CameraPath, Document, Keyframe
 from pointglass.viewer.work.pictures.shot_metadata import camera_line
+from pointglass.viewer.work.viewpoint import Viewpoint
 
 
 @pytest.fixture

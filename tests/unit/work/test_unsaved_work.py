@@ -13,10 +13,12 @@ from pointglass.viewer.window.session.exact_points import ExactPoints
 from pointglass.viewer.window.session.loading import Loaded
 from pointglass.viewer.window.session.recovery import recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
-from pointglass.viewer.work.document import Annotation, CameraPath, Document, Keyframe, Viewpoint
+from pointglass.viewer.work.document import CameraPath, Document, Keyframe
 from pointglass.viewer.work.measuring.measurement import Begun, MeasuredPoint
 from pointglass.viewer.work.moved_scans import ends_of
+from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.project import places_in, read_project
+from pointglass.viewer.work.viewpoint import Viewpoint
 
 CHANGES: dict[str, object] = {
     "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "viewpoints": (Viewpoint("here", EYE, 60.0),), "look": Look(exposure=1.0),

@@ -15,10 +15,11 @@ import numpy as np
 from ...common.errors import PointglassError
 from ...common.paths import assets_dir
 from ...common.text import counted, printable
-from ...work.document import Document, Viewpoint
+from ...work.document import Document
 from ...work.history import History
 from ...work.measuring.measurement import Begun
 from ...work.project import SUFFIX, digest_of
+from ...work.viewpoint import Viewpoint
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import Answer, ToastSubject
 from .autosave import Autosave, UnsavedWork, discard, lock

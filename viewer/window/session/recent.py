@@ -18,7 +18,7 @@ from ....model.common.files.state_folder import state_dir
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.json_values import from_json, to_json
-from ...work.document import Viewpoint
+from ...work.viewpoint import Viewpoint
 
 MOST = 12
 """Scans that are remembered."""

@@ -26,7 +26,8 @@ from ...picture.settings import Settings
 from ...picture.spec import PictureSpec
 from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ...render.frame import FrameCost
-from ...work.document import Document, Viewpoint
+from ...work.document import Document
+from ...work.viewpoint import Viewpoint
 from ..flight.flight import Flight
 from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
 from ..planning import networks

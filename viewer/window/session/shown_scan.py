@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from ...common.text import printable
 from ...picture.camera import Camera
 from ...preprocess.scan_description import WarningTopic
-from ...work.document import Document, Viewpoint
+from ...work.document import Document
 from ...work.places.standing_place import viewpoint_worth
 from ...work.places.start_view import standing_view
 from ...work.places.up_axis import turned, upright_axes
 from ...work.project import project_beside
 from ...work.scan_files import FilePart, sample_of_file
+from ...work.viewpoint import Viewpoint
 from ..flight.flight import Flight
 from ..flight.navigation import FlyState, view_along
 from ..flight.start_viewpoint import (

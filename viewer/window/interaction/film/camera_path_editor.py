@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from ....common.errors import PointglassError
 from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_camera_path
 from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_cameras
-from ....work.document import Keyframe, Viewpoint, replaced, unique_name, without
+from ....work.document import Keyframe, replaced, unique_name, without
+from ....work.viewpoint import Viewpoint
 from ...flight.navigation import view_along
 from ...kit.widgets import compact_button
 from ...saving.capture import unwritable

@@ -15,7 +15,8 @@ from ....common.errors import PointglassError
 from ....common.text import left_text
 from ....picture.views import VIEWS
 from ....work.cameras.keyframes import cameras_along, path_seconds
-from ....work.document import Viewpoint, replaced, unique_name, without
+from ....work.document import replaced, unique_name, without
+from ....work.viewpoint import Viewpoint
 from ...kit import icons
 from ...kit.sliders import slider_float
 from ...kit.widgets import compact_button, compact_width
