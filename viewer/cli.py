@@ -143,6 +143,12 @@ def _section(options: argparse.Namespace) -> int:
     return run(options)
 
 
+def _report(options: argparse.Namespace) -> int:
+    from .commands.report.command import run
+
+    return run(options)
+
+
 def _check_weights(settings: Settings) -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
@@ -236,7 +242,7 @@ def _doctor(options: argparse.Namespace) -> int:
 
 _LONGEST = 1500  # characters of a message
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "section": _section,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "section": _section, "report": _report,
     "info": _info, "convert": _convert, "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate,
     "doctor": _doctor,
 }

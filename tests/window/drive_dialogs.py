@@ -220,7 +220,7 @@ def check_a_photograph_without_a_pose_is_looked_at_and_saved(p: Person, folder: 
     p.d.until(lambda: (folder / "kept.png").is_file())
     assert (folder / "kept.png").read_bytes() == next(iter(given.blobs.values()))
     p.key("Escape")
-    assert tool.viewer.stored is None and p.d.app.toolbox.active is tool
+    assert tool.viewer.viewed is None and p.d.app.toolbox.active is tool
     p.key("Escape")
 
 

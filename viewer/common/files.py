@@ -1,6 +1,7 @@
 """Pictures and arrays, and several files at once, written beside and renamed (model.common.files.atomic_write)."""
 
 import contextlib
+import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +69,15 @@ def write_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None)
     for key, value in (text or {}).items():
         kept.add_itxt(key, value)
     write_atomic(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3, pnginfo=kept))
+
+
+def png_bytes(image: np.ndarray) -> bytes:
+    """(H, W, 3) uint8 as the bytes of a PNG file."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(image).save(data, format="PNG", compress_level=3)
+    return data.getvalue()
 
 
 def write_array(path: Path, array: np.ndarray) -> None:

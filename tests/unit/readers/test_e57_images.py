@@ -9,6 +9,7 @@ from e57_photo_files import AWAY, Picture, encoded, panorama, pinhole, room_poin
 from PIL import Image, ImageFile
 
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.readers import decoded_picture
 from pointglass.viewer.readers.e57 import e57_images
 from pointglass.viewer.readers.e57.e57_images import FACES, read_photographs
 
@@ -205,7 +206,7 @@ def test_image_nodes_of_an_unexpected_type_are_refused_or_give_a_warning(points,
 
 def test_the_size_is_checked_before_decoding(points, tmp_path, monkeypatch):
     given = pinhole((0, 0, 0), 0.0, name="bad")
-    monkeypatch.setattr(e57_images, "MOST_PIXELS", 96 * 72 - 1)
+    monkeypatch.setattr(decoded_picture, "MOST_PIXELS", 96 * 72 - 1)
     monkeypatch.setattr(ImageFile.ImageFile, "load", lambda self: pytest.fail("decoded"))
     assert "96x72" in _refused(tmp_path, points, given)
 

@@ -96,6 +96,11 @@ def check_out(out: Path) -> None:
     if out.suffix.lower() not in SUFFIXES:
         raise InputError(f"{out.suffix or 'no ending'} is not written", option="--out", value=out,
                          remedy=f"use {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
+    check_place(out)
+
+
+def check_place(out: Path) -> None:
+    """Raises InputError where no file can be written at that place."""
     if out.is_dir() or passes_through(out):
         raise InputError("is not a file that can be replaced", option="--out", value=out, remedy="choose another name")
     if not out.parent.is_dir():

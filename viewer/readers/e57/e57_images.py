@@ -17,14 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import InputError
+from ..decoded_picture import most_pixels
 from ..formats import check_file
 from .e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
 
-MOST_PIXELS = 1 << 28
-"""Pixels of a stored picture; larger ones are refused before decoding: 800 MB as RGB."""
-_LEAST_MOST, _PIXELS_A_BYTE = 1 << 26, 8
-"""Pixels that any picture may have (200 MB as RGB), and further ones for each of its bytes: real photographs have 1 to 5, an
-empty picture a thousand."""
 _LEAST_SPAN = 1e-3  # radians that a panorama spans at least: a millimetre at a distance of a metre
 FACES = {
     "front": ((1, 0, 0), (0, 0, 1)), "left": ((0, 1, 0), (0, 0, 1)), "back": ((-1, 0, 0), (0, 0, 1)),
@@ -163,7 +159,7 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
         image = kind(data)  # the plug-in itself, without Pillow's own limit, which is lower
     except (OSError, SyntaxError, ValueError, UnidentifiedImageError) as error:
         raise InputError(f"{entry.label}: its {name} cannot be decoded ({error})", remedy="export it again") from None
-    if image.size[0] * image.size[1] > min(MOST_PIXELS, _LEAST_MOST + _PIXELS_A_BYTE * len(data.getvalue())):
+    if image.size[0] * image.size[1] > most_pixels(len(data.getvalue())):
         raise InputError(f"{entry.label}: {image.size[0]}x{image.size[1]} pixels are more than its bytes, or this program, "
                          "can hold", remedy="export it smaller")
     if image.size != declared:

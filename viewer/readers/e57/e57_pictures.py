@@ -3,7 +3,6 @@
 :mod:`viewer.readers.e57.e57_photographs` has those that can be shown in place.
 """
 
-import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import InputError
+from ..decoded_picture import decoded_picture, ending_of
 from ..formats import check_file
-from .e57_images import MOST_PIXELS, structures
+from .e57_images import structures
 from .e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
 
 REPRESENTATIONS = ("pinhole", "spherical", "cylindrical", "visualReference")
-_ENDINGS = {b"\xff\xd8": ".jpg", b"\x89P": ".png"}
-"""First bytes of a picture -> the usual ending of its file."""
 
 
 @dataclass(frozen=True)
@@ -89,37 +87,15 @@ def picture_file(stored: StoredPicture) -> tuple[bytes, str]:
             data = blob.read_buffer().tobytes()
         except library().E57Exception as error:
             raise InputError(f"{label}: {first_line(error)}", remedy="copy or export it again") from None
-    ending = _ENDINGS.get(data[:2])
-    if ending is None:
-        raise InputError(f"{label} is neither JPEG nor PNG (first bytes {data[:4]!r})", remedy="export it again")
-    return data, ending
+    return data, ending_of(data, label)
 
 
 def picture_of(stored: StoredPicture, longest: int) -> tuple[np.ndarray, tuple[int, int]]:
     """The picture, (H, W, 3) uint8 sRGB, at most ``longest`` pixels wide and high, and the (width, height) of its file.
 
-    Raises InputError where it is damaged, larger than MOST_PIXELS, or not of 8 bits.
+    Raises InputError where it is damaged, larger than it may be, or not of 8 bits.
     """
-    from PIL import Image, JpegImagePlugin, PngImagePlugin, UnidentifiedImageError
-
-    data, ending = picture_file(stored)
-    label = f"{stored.file}: photograph {stored.name!r}"
-    try:
-        image = (JpegImagePlugin.JpegImageFile if ending == ".jpg" else PngImagePlugin.PngImageFile)(io.BytesIO(data))
-        full = image.size
-        if image.mode.startswith(("I", "F")):
-            raise InputError(f"{label} is a picture of kind {image.mode}, not of 8-bit colour", remedy="export it again")
-        if full[0] * full[1] > MOST_PIXELS:
-            raise InputError(f"{label}: {full[0]}x{full[1]} pixels, more than {MOST_PIXELS:,}", remedy="export it smaller")
-        share = min(1.0, longest / max(full))
-        size = max(1, round(full[0] * share)), max(1, round(full[1] * share))
-        if ending == ".jpg" and share < 1.0:
-            image.draft("RGB", size)  # decodes only as finely as needed
-        image.load()
-        rgb = image.convert("RGB")
-        return np.asarray(rgb if rgb.size == size else rgb.resize(size, Image.Resampling.BOX)), full
-    except (OSError, SyntaxError, ValueError, EOFError, UnidentifiedImageError) as error:
-        raise InputError(f"{label} cannot be decoded ({error})", remedy="export it again") from None
+    return decoded_picture(picture_file(stored)[0], f"{stored.file}: photograph {stored.name!r}", longest)
 
 
 def pictures_in(sources: Iterable[str]) -> list[StoredPicture]:

@@ -31,12 +31,12 @@ class Control:
 
 CONTROLS: dict[str, tuple[Control, ...]] = {
     "Move": (
-        Control(("W",), "W", "forward", "fly forward", "hold"),
-        Control(("S",), "S", "back", "fly back", "hold"),
-        Control(("A",), "A", "left", "fly left", "hold"),
-        Control(("D",), "D", "right", "fly right", "hold"),
-        Control(("E",), "E", "up", "fly up", "hold"),
-        Control(("Q",), "Q", "down", "fly down", "hold"),
+        Control(("W",), "W", "forward", "forward", "hold"),
+        Control(("S",), "S", "back", "back", "hold"),
+        Control(("A",), "A", "left", "left", "hold"),
+        Control(("D",), "D", "right", "right", "hold"),
+        Control(("E",), "E", "up", "up", "hold"),
+        Control(("Q",), "Q", "down", "down", "hold"),
         Control(("LEFT_SHIFT", "RIGHT_SHIFT"), "Shift", "fast", "four times faster while held", "modifier"),
         Control(("LEFT_ALT", "RIGHT_ALT"), "Alt", "slow", "four times slower while held", "modifier"),
         Control(("DRAG_LEFT", "DRAG_RIGHT"), "Drag, left or right", "look", "look around", "mouse"),

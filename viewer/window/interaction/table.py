@@ -10,6 +10,8 @@ from .fly import Fly
 from .inspect_point import InspectPoint, UnderPointer
 from .measuring.drawing import Measurements
 from .measuring.measure import Measure
+from .notes.note_markers import NoteMarkers
+from .notes.notes_tool import Notes
 from .scene_settings import SceneSettings
 from .section.section_tool import SectionTool
 from .stations.stations_tool import Stations
@@ -18,9 +20,9 @@ from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, ClipTool, SectionTool, Colours, Stations, WhatIsReal, Film, SceneSettings,
+    Fly, InspectPoint, Measure, Notes, ClipTool, SectionTool, Colours, Stations, WhatIsReal, Film, SceneSettings,
 )  # fmt: skip
-OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, AttributeLegend)
+OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 
 
 def toolbox() -> Toolbox:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 _EDGE = 4.0  # design units between a plate and the edge of the picture
-Shape = Literal["dot", "ring", "cross", "square", "diamond"]
+Shape = Literal["dot", "ring", "cross", "square", "diamond", "block"]
 
 
 class OverlayCanvas:
@@ -94,6 +94,10 @@ class OverlayCanvas:
             else:
                 draw.add_circle(ImVec2(x, y), r, edge, 24, 2.2 * line)
                 draw.add_circle(ImVec2(x, y), r, _shade(colour), 24, line)
+            return
+        if shape == "block":
+            for half, shade in ((r + 0.75 * line, edge), (r, _shade(colour))):
+                draw.add_rect_filled(ImVec2(x - half, y - half), ImVec2(x + half, y + half), shade)
             return
         corners = {
             "square": [(-1, -1), (1, -1), (1, 1), (-1, 1)], "diamond": [(0, -1.3), (1.3, 0), (0, 1.3), (-1.3, 0)],

@@ -19,7 +19,6 @@ from ...work.document import Document
 from ...work.history import History
 from ...work.measuring.measurement import Begun
 from ...work.project import SUFFIX, digest_of
-from ...work.viewpoint import Viewpoint
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import Answer, ToastSubject
 from .autosave import Autosave, UnsavedWork, discard, lock
@@ -216,7 +215,7 @@ class ProjectFlow:
         shown, project = session.shown_scan, session.work.project
         if session.scene is not None and shown.paths and not shown.preview:
             paths = list(shown.paths) if project is None else [project]
-            remember(paths, self.name, session.scene.count, picture, Viewpoint.of(session.camera, "last view"))
+            remember(paths, self.name, session.scene.count, picture, session.work.as_saved(session.camera, *self._shown).view)
 
     # -- leaving -----------------------------------------------------------------------------------------------------
 

@@ -27,7 +27,6 @@ from ...picture.spec import PictureSpec
 from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ...render.frame import FrameCost
 from ...work.document import Document
-from ...work.viewpoint import Viewpoint
 from ..flight.flight import Flight
 from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
 from ..planning import networks
@@ -43,6 +42,7 @@ from .work import DocumentState
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
+    from ...work.viewpoint import Viewpoint
 
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
 _REPLACED = "The work of the project is kept, at its places. Saving the project takes the file that is there now for its scan."
@@ -234,15 +234,14 @@ class Session:
             self.picture.renew()
 
     def arrange(self, scale: float | None = None) -> None:
-        """Gives the picture the space that panels and status bar leave.  scale: interface pixels per design unit; None: as
-        before."""
+        """Gives the picture the space that panels leave.  scale: interface pixels per design unit; None: as before."""
         if self.area.arrange(panels=self.scene is not None and self.interface, scale=scale):
             self.picture.renew()
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
     def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None,
-             view: Viewpoint | None = None) -> None:
+             view: "Viewpoint | None" = None) -> None:
         """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start, view: where the camera
         begins (ShownScan.start, ShownScan.resume).  recovered: an autosave, whose scans are opened instead."""
         self.shown_scan.start, self.shown_scan.resume = start or self.shown_scan.start, view

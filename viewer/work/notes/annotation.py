@@ -6,6 +6,7 @@ Frame: file coordinates, file units.
 import re
 import uuid
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 
 from ...common.errors import InputError
 from ...common.text import with_whole_characters
@@ -26,7 +27,7 @@ class Status:
 
 
 STATUSES = {
-    "open": Status("Open", "Open", (240, 180, 87)),
+    "open": Status("Open", "Open", (240, 185, 91)),
     "in progress": Status("In progress", "In Progress", (125, 180, 255)),
     "done": Status("Done", "Closed", (127, 216, 139), done=True),
 }
@@ -79,6 +80,15 @@ class Annotation:
         view = self.view and replace(self.view, name=with_whole_characters(self.view.name))
         return replace(self, text=with_whole_characters(self.text), link=with_whole_characters(self.link), view=view,
                        made=with_whole_characters(self.made))
+
+
+def time_of(note: Annotation) -> datetime | None:
+    """When a note was made, in UTC; None where it does not say."""
+    try:
+        made = datetime.fromisoformat(note.made)
+    except ValueError:
+        return None
+    return made.replace(tzinfo=UTC) if made.tzinfo is None else made.astimezone(UTC)
 
 
 def is_address(text: str) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .measured_picture import PLATE, TEXT, drawn_over, letters, unit_length
+from .drawn_over import PLATE, TEXT, drawn_over, letters, unit_length
 
 _MARGIN, _ROW, _SWATCH, _RAMP, _PAD, _LETTERS = 14.0, 22.0, 13.0, 220.0, 10.0, 14.0
 """Design units of the window (viewer.window.kit.legend)."""

@@ -1,8 +1,11 @@
-"""A photograph of the scan, looked at by itself over the view: zoomed with the wheel, moved with the mouse, saved as a file.
+"""A photograph looked at by itself over the view: zoomed with the wheel, moved with the mouse, saved as a file.
 
-For photographs without a pose, which cannot be shown in place; those with one can be looked at, too.
+For photographs of the scan, with a pose or without one, and for pictures that are attached to notes.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,17 +31,34 @@ _MOST = 32.0
 """Window pixels per pixel of the photograph, at most."""
 
 
-def file_name(stored: StoredPicture) -> str:
+@dataclass(frozen=True)
+class Viewed:
+    """A photograph.  key: what it is of, to tell it by.  read: longest side in pixels -> (H, W, 3) uint8 sRGB, and the (width,
+    height) of its file; on a thread.  file: its bytes as they are stored, and the ending of its name.  Both raise
+    PointglassError."""
+
+    key: object
+    name: str
+    read: Callable[[int], tuple[np.ndarray, tuple[int, int]]]
+    file: Callable[[], tuple[bytes, str]]
+
+
+def of_scan(stored: StoredPicture) -> Viewed:
+    """A photograph inside a scan."""
+    return Viewed(stored, stored.name, partial(picture_of, stored), partial(picture_file, stored))
+
+
+def file_name(name: str) -> str:
     """The name of a photograph as that of a file, without an ending: names from a file may hold anything."""
-    return safe_name(stored.name.removesuffix(".jpg").removesuffix(".png"), "photograph")
+    return safe_name(name.removesuffix(".jpg").removesuffix(".png"), "photograph")
 
 
 class PictureViewer:
-    """stored: the photograph that is shown, None where the viewer is closed.  zoom: window pixels per pixel of the photograph
+    """viewed: the photograph that is shown, None where the viewer is closed.  zoom: window pixels per pixel of the photograph
     as shown, None: as large as fits.  centre: the share of its width and height that lies in the middle of the viewer."""
 
     def __init__(self) -> None:
-        self.stored: StoredPicture | None = None
+        self.viewed: Viewed | None = None
         self.zoom: float | None = None
         self.centre = np.array([0.5, 0.5])
         self.problem = ""
@@ -47,17 +67,21 @@ class PictureViewer:
         self._texture: moderngl.Texture | None = None
         self._worker: Worker | None = None
 
-    def open(self, context: ToolContext, stored: StoredPicture) -> None:
+    def shows(self, key: object) -> bool:
+        """Whether the photograph with this key is shown."""
+        return self.viewed is not None and self.viewed.key is key
+
+    def open(self, context: ToolContext, viewed: Viewed) -> None:
         """Shows a photograph; it is decoded on a thread."""
         self.close_picture()
-        self.stored = stored
-        self._worker = Worker(lambda: picture_of(stored, LONGEST), "Decoding the photograph", context.session.loads.wake)
+        self.viewed = viewed
+        self._worker = Worker(lambda: viewed.read(LONGEST), "Decoding the photograph", context.session.loads.wake)
 
     def close_picture(self) -> None:
         """Closes the viewer."""
         if self._texture is not None:
             self._texture.release()
-        self.stored, self._image, self._texture, self._worker = None, None, None, None
+        self.viewed, self._image, self._texture, self._worker = None, None, None, None
         self.zoom, self.centre, self.problem = None, np.array([0.5, 0.5]), ""
 
     def follow(self) -> None:
@@ -75,15 +99,15 @@ class PictureViewer:
 
     def save(self, context: ToolContext) -> None:
         """Asks where the photograph is saved; the file holds the bytes that the scan holds."""
-        stored = self.stored
-        if stored is None:
+        viewed = self.viewed
+        if viewed is None:
             return
         try:
-            data, ending = picture_file(stored)
+            data, ending = viewed.file()
         except PointglassError as error:
             context.session.notices.say("The photograph cannot be saved", error)
             return
-        kind = {"JPEG as in the scan": (".jpg", ".jpeg")} if ending == ".jpg" else {"PNG as in the scan": (".png",)}
+        kind = {"JPEG, as it is stored": (".jpg", ".jpeg")} if ending == ".jpg" else {"PNG, as it is stored": (".png",)}
 
         def write(path) -> None:
             try:
@@ -93,13 +117,13 @@ class PictureViewer:
             else:
                 context.tell_saved(path)
 
-        context.files.save("photographs", "Save the photograph", file_name(stored) + ending, kind, write)
+        context.files.save("photographs", "Save the photograph", file_name(viewed.name) + ending, kind, write)
 
     # -- drawing -----------------------------------------------------------------------------------------------------
 
     def draw(self, ui: Any, context: ToolContext) -> None:
         """The photograph over the whole picture, and a row of buttons above it."""
-        if self.stored is None:
+        if self.viewed is None:
             return
         density, area = context.session.area.density, context.session.area
         left, top, width, height = (value / density for value in (*area.origin, *area.size))
@@ -112,17 +136,17 @@ class PictureViewer:
         ui.begin("photograph", None, flags)
         ui.pop_style_var()
         self._row(ui, context)
-        if self.stored is not None and self._image is not None:
+        if self.viewed is not None and self._image is not None:
             self._picture(ui, context)
-        elif self.stored is not None:
+        elif self.viewed is not None:
             ui.text_wrapped(self.problem or "Decoding…")
         ui.end()
 
     def _row(self, ui: Any, context: ToolContext) -> None:
-        assert self.stored is not None
+        assert self.viewed is not None
         for label, act, tip in (
             ("Fit", lambda: self.look(None), "the whole photograph"), ("1:1", lambda: self.look(1.0), "one pixel a pixel"),
-            ("Save…", lambda: self.save(context), "the file as it lies in the scan"),
+            ("Save…", lambda: self.save(context), "the file as it is stored"),
             ("Close", self.close_picture, "back to the view (Esc)"),
         ):  # fmt: skip
             if label != "Fit":
@@ -131,13 +155,13 @@ class PictureViewer:
                 act()
             if ui.is_item_hovered():
                 ui.set_tooltip(tip)
-        if self.stored is None:
+        if self.viewed is None:
             return
         ui.same_line()
         ui.align_text_to_frame_padding()
         shown = f" · {100 * self.zoom:.0f} %" if self.zoom is not None else ""
         size = f" · {self.full[0]} x {self.full[1]}" if self._image is not None else ""
-        ui.text_unformatted(fitted(f"{self.stored.name}{size}{shown}", ui.get_content_region_avail().x))
+        ui.text_unformatted(fitted(f"{self.viewed.name}{size}{shown}", ui.get_content_region_avail().x))
 
     def look(self, zoom: float | None) -> None:
         """Shows the photograph at another size; None: as large as fits."""

@@ -23,7 +23,7 @@ from ..editing import edit, metres_per_unit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
-from .picture_viewer import PictureViewer
+from .picture_viewer import PictureViewer, of_scan
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -101,7 +101,7 @@ class Stations(Tool):
         self.viewer.close()
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
-        if event.kind != "press" or event.key != "ESCAPE" or self.viewer.stored is None:
+        if event.kind != "press" or event.key != "ESCAPE" or self.viewer.viewed is None:
             return False
         self.viewer.close_picture()
         return True
@@ -287,11 +287,11 @@ class Stations(Tool):
             ui.text_unformatted("Photographs by themselves")
         for number, picture in enumerate(self.pictures):
             ui.push_id(5000 + number)
-            if ui.selectable(fitted(picture.text, ui.get_content_region_avail().x), self.viewer.stored is picture)[0]:
-                if self.viewer.stored is picture:
+            if ui.selectable(fitted(picture.text, ui.get_content_region_avail().x), self.viewer.shows(picture))[0]:
+                if self.viewer.shows(picture):
                     self.viewer.close_picture()
                 else:
-                    self.viewer.open(context, picture)
+                    self.viewer.open(context, of_scan(picture))
             if ui.is_item_hovered():
                 where = "" if picture.placed else "; the file does not say where it was taken"
                 ui.set_tooltip(f"{picture.name}: look at it{where}")

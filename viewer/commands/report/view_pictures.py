@@ -1,0 +1,82 @@
+"""The pictures of a report: views of a document as it looks at the scan, with its measurements and notes drawn over them."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...picture.spec import PictureSpec
+from ...work.measuring.measure_text import unit_name
+from ...work.pictures.measured_picture import with_measurements
+from ...work.pictures.noted_picture import with_notes
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...render.renderer import Renderer
+    from ...work.document import Document
+    from ...work.notes.annotation import Annotation
+    from ...work.viewpoint import Viewpoint
+
+SIZE = (1200, 800)
+"""Pixels of a picture: 170 pixels an inch, as wide as a page of A4 is between its margins."""
+_EDGE = 0.05
+"""Share of a picture's sides within which a place counts as at its edge."""
+
+
+class ViewPictures:
+    """Renders views of a document, one after the other.  size: (width, height) in pixels."""
+
+    def __init__(self, renderer: "Renderer", document: "Document", size: tuple[int, int] = SIZE):
+        self._renderer, self._document, self.size = renderer, document, size
+        self._unit = unit_name(renderer.scene.meta.metres_per_unit)
+
+    def picture(self, view: "Viewpoint", notes: "tuple[Annotation, ...]", numbers: tuple[int, ...]) -> np.ndarray:
+        """(H, W, 3) uint8: the view with all measurements and these notes.  numbers: of the notes, from 0."""
+        from ...render.described_picture import picture_of
+
+        document = self._document
+        camera = view.camera(*self.size)
+        spec = PictureSpec(camera, document.settings, edits=document.edits, background=document.background)
+        picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit)
+        return with_notes(picture, camera, notes, numbers)
+
+
+def view_of(note: "Annotation", document: "Document", size: tuple[int, int] = SIZE) -> "Viewpoint | None":
+    """From where a note is seen: where it was written, else the first view of the document that has it in its picture."""
+    views = [note.view, document.view, *document.viewpoints]
+    return next((view for view in views if view is not None and in_sight(note, view, size)), note.view)
+
+
+def in_sight(note: "Annotation", view: "Viewpoint", size: tuple[int, int] = SIZE) -> bool:
+    """Whether a note lies in the picture of a view, not at its edge; it may be hidden there."""
+    (pixel,), (depth,) = view.camera(*size).project(np.array([note.position]))
+    sides = np.array(size)
+    return bool(depth > 0 and (pixel > _EDGE * sides).all() and (pixel < (1 - _EDGE) * sides).all())
+
+
+def renderer_for(scene: "Scene", document: "Document") -> "Renderer":
+    """A renderer with a context of its own, set up for the document's view; release both (:func:`released`).
+
+    Raises DeviceError where there is no OpenGL, InputError where weights do not fit.
+    """
+    from ...render.device.context import create_context
+    from ...render.renderer import Renderer
+    from ...work.ghosts import prepared
+
+    if document.settings.view == "neural":
+        from ....model.common.process.torch_process import prepare_inference
+
+        prepare_inference()
+    return Renderer(create_context(), prepared(scene, document.ghosts))
+
+
+def released(renderer: "Renderer") -> None:
+    """Releases a renderer of :func:`renderer_for` and its context."""
+    context = renderer.context
+    renderer.release()
+    context.release()
+
+
+def as_reported(document: "Document") -> "Document":
+    """The document with a background that paper has: the window's where its own is transparent."""
+    return replace(document, background="plain") if document.background == "transparent" else document

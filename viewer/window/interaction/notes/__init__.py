@@ -1,0 +1,1 @@
+"""The Notes tool: notes at measured points, and their files."""

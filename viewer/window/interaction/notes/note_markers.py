@@ -1,0 +1,41 @@
+"""How notes are drawn over the picture, whichever tool is selected."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..tool import Overlay, ToolContext
+
+if TYPE_CHECKING:
+    from ...kit.overlay import OverlayCanvas
+
+COLOUR_OF = {"open": "warn", "in progress": "blue", "done": "green"}
+"""Status of a note -> colour of its marker (theme.OVERLAY_COLOURS); a test compares them with those of saved pictures."""
+SIZE = 6.0
+"""Half the width of a marker, design units."""
+
+
+class NoteMarkers(Overlay):
+    """All notes of the document: a square each, with its title."""
+
+    name = "notes"
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        notes = context.document.annotations
+        for note in notes:
+            overlay.marker(note.position, COLOUR_OF[note.status], SIZE, "block")
+        if notes:
+            overlay.labels([note.position for note in notes], [note.title(number) for number, note in enumerate(notes)])
+
+
+def note_at(context: ToolContext, position: tuple[float, float], radius: float) -> int | None:
+    """The note whose marker is nearest to a position in the picture, within ``radius`` pixels of it; None where there is
+    none."""
+    notes = context.document.annotations
+    if not notes:
+        return None
+    places, depths = context.camera.project(np.array([note.position for note in notes]))
+    with np.errstate(invalid="ignore"):
+        away = np.where(depths > 0, np.linalg.norm(places - np.array(position), axis=1), np.inf)
+    nearest = int(np.argmin(away))
+    return nearest if away[nearest] <= radius else None

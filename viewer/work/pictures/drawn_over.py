@@ -1,0 +1,76 @@
+"""Drawing over a finished picture of any size, in the window's sizes and colours: what measurements and notes share."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...picture.drawn_lines import label_places
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+
+ACCENT, EDGE, TEXT, PLATE = (92, 196, 192, 255), (10, 12, 14, 200), (233, 235, 238, 255), (29, 32, 37, 235)
+"""sRGB and opacity, the window's (viewer.window.kit.theme)."""
+_UNIT, _LEAST_UNIT = 1 / 720, 0.75
+"""A design unit of the window, in which sizes below are given: a share of the picture's height, and pixels at least."""
+LETTERS, _GAP, _PAD = 15.0, 10.0, 5.0
+_FINE = 8e6
+"""Pixels up to which shapes are drawn at twice the size, for smooth edges; above, a pixel's edge is not seen."""
+
+
+def unit_length(height: int) -> float:
+    """Pixels of a design unit of the window in a picture so many pixels high."""
+    return max(_UNIT * height, _LEAST_UNIT)
+
+
+def with_shapes(picture: np.ndarray, camera: "Camera", shapes: Callable[[Any, "Camera", float], object], at: list[np.ndarray],
+                texts: Sequence[str]) -> np.ndarray:
+    """The picture with shapes and labels over it.
+
+    picture: (H, W, 3) or (H, W, 4) uint8, premultiplied; it is not changed.  camera: of it, at its size.  shapes: draws with
+    an ImageDraw, for the camera that it is given, in a design unit of so many pixels.  at: places of the labels, file
+    coordinates.
+    """
+    from PIL import Image, ImageDraw
+
+    height, width = picture.shape[:2]
+    size = unit_length(height)
+    times = 2 if height * width <= _FINE else 1
+    sheet = Image.new("RGBA", (width * times, height * times))
+    shapes(ImageDraw.Draw(sheet), camera.resized(*sheet.size), size * times)
+    if times > 1:
+        sheet = sheet.resize((width, height), Image.Resampling.BOX)
+    _draw_labels(ImageDraw.Draw(sheet), camera, at, texts, size)
+    return drawn_over(picture, np.asarray(sheet))
+
+
+def _draw_labels(draw: Any, camera: "Camera", at: list[np.ndarray], texts: Sequence[str], unit: float) -> None:
+    font, pad = letters(max(round(LETTERS * unit), 9)), _PAD * unit
+    boxes = [draw.textbbox((0, 0), text, font=font) for text in texts]
+    sizes = [(right - left + 2 * pad, bottom - top + 2 * pad) for left, top, right, bottom in boxes]
+    places, depths = camera.project(np.array(at))
+    area = (0.0, 0.0, float(camera.width), float(camera.height))
+    for number, (x, y) in label_places(places, depths, sizes, _GAP * unit, area, 4 * unit).items():
+        width, height = sizes[number]
+        draw.rounded_rectangle([x, y, x + width, y + height], 4 * unit, fill=PLATE)
+        draw.text((x + pad - boxes[number][0], y + pad - boxes[number][1]), texts[number], font=font, fill=TEXT)
+
+
+@cache
+def letters(size: int) -> Any:
+    """The font, ``size`` pixels tall: Matplotlib's, which has Ø, ², Greek and Cyrillic letters; Pillow's own has not."""
+    import matplotlib
+    from PIL import ImageFont
+
+    return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
+
+
+def drawn_over(picture: np.ndarray, sheet: np.ndarray) -> np.ndarray:
+    """The sheet, (H, W, 4) uint8, not premultiplied, over a picture of that size that is."""
+    alpha, colour = sheet[..., 3:].astype(np.uint32), sheet[..., :3]
+    if picture.shape[2] == 4:
+        colour = np.concatenate([colour, np.full(alpha.shape, 255, np.uint8)], axis=2)
+    return ((picture * (255 - alpha) + colour * alpha + 127) // 255).astype(np.uint8)
