@@ -129,7 +129,7 @@ class Driver:
         chosen.split, chosen.left, chosen.background = False, "raw", "plain"
         chosen.request(Settings(view="filled"))
         session.picture.adaptive_lod.keep_up = True
-        session.work.shot_legend = False
+        session.work.shot_noted = session.work.shot_legend = False
         session.work.shot_scale, session.work.photo, session.work.tint = 1, None, False
         if session.scene is not None:
             app.act("close_scan")

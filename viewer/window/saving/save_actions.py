@@ -6,28 +6,21 @@ A picture of the window's size is read from the screen; larger ones and panorama
 import os
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ...common.errors import PointglassError
 from ...common.text import counted
-from ...work.measuring.measure_text import unit_name
-from ...work.pictures.measured_picture import with_measurements
-from ...work.pictures.picture_legend import with_legend
 from ...work.pictures.shot_metadata import KEY, cannot_repeat
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import ToastSubject
 from ..kit.worker import Worker
-from ..session.colour_legend import shown_legend
 from ..session.session import Session
 from ..session.time_recording import FrameTimes
 from ..viewport.viewport import Viewport
 from . import capture
+from .over_picture import over_picture
 from .points_export import PointsExport
 from .saved_picture import saved_picture, shot_of
 from .still_job import StillJob, still_worker
-
-if TYPE_CHECKING:
-    from ...work.measuring.measurement import Measurement
 
 _LAST_WAIT = 5.0
 """Seconds that a closing window waits for a picture that is being rendered; a network cannot be interrupted there."""
@@ -69,17 +62,15 @@ class SaveActions:
             with ExitStack() as name:
                 path = name.enter_context(capture.stamped("pointglass", ".png", self.folder))
                 shot = shot_of(self._session, path.stem)
-                measurements, unit = self._measurements()
-                legend = shown_legend(self._session) if self._session.work.shot_legend else None
+                over = over_picture(self._session)
                 if shot is not None and self._session.work.shot_scale > 1:
-                    return self._begin(StillJob(self._session.scene, shot, path, None, measurements, unit, legend), name)
+                    return self._begin(StillJob(self._session.scene, shot, path, over=over), name)
                 made = saved_picture(self._session, self._painter, path.stem)
                 if made is None:
                     return None
                 image, shot = made
                 height, width = image.shape[:2]
-                image = with_measurements(image, self._session.camera.resized(width, height), measurements, unit)
-                image = with_legend(image, legend) if legend is not None else image
+                image = over.drawn(image, self._session.camera.resized(width, height))
                 text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
                 capture.save_png(path, image, text)
         except PointglassError as error:
@@ -88,17 +79,8 @@ class SaveActions:
         again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
         if shot is None and self._session.work.shot_scale > 1:
             again += ", and it has the window's size"
-        parts = ([counted(len(measurements), "measurement")] if measurements else []) + (["its legend"] if legend else [])
-        over = f" with {' and '.join(parts)}" if parts else ""
-        self._session.notices.tell_saved(path, f"Saved {path}{over}{again}")
+        self._session.notices.tell_saved(path, f"Saved {path}{over.text}{again}")
         return path
-
-    def _measurements(self) -> "tuple[tuple[Measurement, ...], str]":
-        """Those to be drawn over the picture, and their unit."""
-        session = self._session
-        if session.scene is None or not session.work.shot_measured:
-            return (), ""
-        return session.document.measurements, unit_name(session.work.facts(session.scene.meta).metres_per_unit)
 
     def panorama(self, size: tuple[int, int]) -> Path | None:
         """Begins a 360-degree picture around the camera, ``size`` pixels.  Returns its path, None where there is none."""

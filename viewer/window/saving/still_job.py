@@ -4,23 +4,21 @@ It has a thread, an OpenGL context and a renderer of its own, so that the window
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...work.ghosts import prepared
-from ...work.pictures.measured_picture import with_measurements
-from ...work.pictures.picture_legend import Legend, with_legend
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
 from ..kit.worker import Worker
 from .capture import save_png
+from .over_picture import OverPicture
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ...grid.scene import Scene
     from ...render.renderer import Renderer
-    from ...work.measuring.measurement import Measurement
 
 
 @dataclass(frozen=True)
@@ -28,16 +26,14 @@ class StillJob:
     """All that a still is made of, taken when it is asked for.
 
     shot: what is drawn; its camera has the size that is saved.  out: the PNG.  panorama: width and height of a 360-degree
-    picture around the camera instead, twice as wide as high.  measurements, unit, legend: drawn over it, not over a panorama.
+    picture around the camera instead, twice as wide as high.  over: what is drawn over it, not over a panorama.
     """
 
     scene: "Scene"
     shot: Shot
     out: Path
     panorama: tuple[int, int] | None = None
-    measurements: "tuple[Measurement, ...]" = ()
-    unit: str = ""
-    legend: Legend | None = None
+    over: OverPicture = field(default_factory=OverPicture)
 
     def render(self) -> Path:
         """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
@@ -55,8 +51,7 @@ class StillJob:
             renderer = Renderer(context, prepared(self.scene, spec.edits.ghosts))
             try:
                 if self.panorama is None:
-                    picture = with_measurements(picture_of(renderer, spec), spec.camera, self.measurements, self.unit)
-                    picture = with_legend(picture, self.legend) if self.legend is not None else picture
+                    picture = self.over.drawn(picture_of(renderer, spec), spec.camera)
                     save_png(self.out, picture, {KEY: self.shot.drawn_with(renderer.choice.timed).text()})
                 else:
                     save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))

@@ -50,7 +50,7 @@ class ShownPhoto:
 class DocumentState:
     """history: of the document.  project: the file it was read from or saved to, else None.
     shot_scale: times the sides of the picture that F12 saves.  shot_measured: whether measurements are drawn over it.
-    shot_legend: whether the legend of recoloured points is.
+    shot_noted: whether notes are.  shot_legend: whether the legend of recoloured points is.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
     exact_points: picked points of the work whose values are being read from their files.
@@ -70,6 +70,7 @@ class DocumentState:
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
         self.shot_measured = False
+        self.shot_noted = False
         self.shot_legend = False
         self.reference_problem: str | None = None
         self.located: dict[str, str | None] = {}

@@ -156,6 +156,9 @@ class Film(Tool):
         work.shot_measured = ui.checkbox("with measurements", work.shot_measured)[1]
         if ui.is_item_hovered():
             ui.set_tooltip("F12 draws measurements over the picture; `render --like` draws it again without them")
+        work.shot_noted = ui.checkbox("with notes", work.shot_noted)[1]
+        if ui.is_item_hovered():
+            ui.set_tooltip("F12 draws notes over the picture; `render --like` draws it again without them")
         work.shot_legend = ui.checkbox("with legend", work.shot_legend)[1]
         if ui.is_item_hovered():
             ui.set_tooltip("F12 draws the legend of recoloured points; `render --like` draws the picture without it")

@@ -82,7 +82,7 @@ class NoteFields:
             self.typing = False
         changed, text = ui.input_text_multiline("##text", note.text, (-1, _LINES * ui.get_text_line_height()),
                                                 ui.InputTextFlags_.word_wrap)
-        if changed:
+        if changed and not ui.is_key_pressed(ui.Key.escape):  # Esc leaves the field; imgui would take back what was typed
             tool.change(context, number, "Text of a note", ("note text", number), text=text)
         if not note.text and not ui.is_item_active():
             low, pad = ui.get_item_rect_min(), ui.get_style().frame_padding

@@ -19,9 +19,9 @@ from ...kit.theme import fitted
 from ..editing import RADIUS, Pointing, edit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
-from .note_markers import SIZE, note_at
 from .note_export import NoteExport
 from .note_fields import NoteFields, swatch
+from .note_markers import SIZE, note_at
 
 if TYPE_CHECKING:
     from ....work.document import Document

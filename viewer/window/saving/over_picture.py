@@ -1,0 +1,53 @@
+"""What F12 draws over the picture where that is chosen: measurements, notes, the legend of recoloured points."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ...common.text import counted
+from ...work.measuring.measure_text import unit_name
+from ...work.pictures.measured_picture import with_measurements
+from ...work.pictures.noted_picture import with_notes
+from ...work.pictures.picture_legend import Legend, with_legend
+from ..session.colour_legend import shown_legend
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ...picture.camera import Camera
+    from ...work.measuring.measurement import Measurement
+    from ...work.notes.annotation import Annotation
+    from ..session.session import Session
+
+
+@dataclass(frozen=True)
+class OverPicture:
+    """unit: of the measurements, as a person reads it."""
+
+    measurements: "tuple[Measurement, ...]" = ()
+    unit: str = ""
+    notes: "tuple[Annotation, ...]" = ()
+    legend: Legend | None = None
+
+    def drawn(self, picture: "np.ndarray", camera: "Camera") -> "np.ndarray":
+        """The picture, (H, W, 3 or 4) uint8, with it.  camera: at the picture's size."""
+        picture = with_notes(with_measurements(picture, camera, self.measurements, self.unit), camera, self.notes)
+        return with_legend(picture, self.legend) if self.legend is not None else picture
+
+    @property
+    def text(self) -> str:
+        """" with 2 measurements and its legend", "" where nothing is drawn."""
+        kinds = (self.measurements, "measurement"), (self.notes, "note")
+        parts = [counted(len(found), name) for found, name in kinds if found]
+        parts += ["its legend"] if self.legend is not None else []
+        return f" with {', '.join(parts[:-1])}{' and ' if len(parts) > 1 else ''}{parts[-1]}" if parts else ""
+
+
+def over_picture(session: "Session") -> OverPicture:
+    """What is to be drawn over a picture that is saved now."""
+    work, document = session.work, session.document
+    if session.scene is None:
+        return OverPicture()
+    unit = unit_name(work.facts(session.scene.meta).metres_per_unit)
+    measurements = document.measurements if work.shot_measured else ()
+    notes = document.annotations if work.shot_noted else ()
+    return OverPicture(measurements, unit, notes, shown_legend(session) if work.shot_legend else None)
