@@ -1,0 +1,1 @@
+"""Registration: the rigid transformation that brings one scan to its place beside another, by pairs, by ICP, to a floor."""
