@@ -4,8 +4,8 @@
 
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
 with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it,
-points at it, looks for passers-by, lays a photograph over a view, renders the scan in every view, and opens it once more from
-the cache.  Without it the first scan that is opened waits for the compiler instead.
+points at it, looks for passers-by, compares two clouds, lays a photograph over a view, renders the scan in every
+view, and opens it once more from the cache.  Without it the first scan that is opened waits for the compiler instead.
 """
 
 import contextlib
@@ -33,6 +33,7 @@ def compile_kernels() -> str | None:
             _open_scans(Path(folder))
             _draw_and_point()
             _find_ghosts_and_show_photograph()
+            _compare()
             _render_demo()
         except DeviceError as error:
             return str(error)
@@ -109,6 +110,20 @@ def _find_ghosts_and_show_photograph() -> None:
     photo = StationPhoto("", "spherical", picture, 8 / np.pi, 8 / np.pi, 8.0, 4.0, np.eye(4), around=True)
     camera, depth = from_fov(16, 8, 60.0, np.eye(4)), np.ones((8, 16), np.float32)
     resampled(photo, camera, depth, nearest_ranges(photo, np.ones((1, 3))))
+
+
+def _compare() -> None:
+    """Two small clouds by each method, as ``compare`` does."""
+    import numpy as np
+
+    from .work.comparing.compare import METHODS, compare
+    from .work.comparing.facing import facing_of
+
+    rng = np.random.default_rng(0)
+    clouds = [np.c_[rng.uniform(0, 1, (4000, 2)), rng.normal(0, 0.001, 4000)] for _ in range(2)]
+    facing = facing_of(clouds[0], np.zeros((0, 3)), np.zeros((0, 3)))
+    for method in METHODS:
+        compare(clouds[0], clouds[1], facing, method=method)
 
 
 def _render_demo() -> None:

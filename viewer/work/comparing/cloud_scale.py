@@ -1,0 +1,90 @@
+"""Spacing and noise of a cloud, and the sizes that a comparison derives from them.
+
+Frame: as viewer.work.comparing.point_cells, file units.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from ..fits.local import noise_of
+from .point_cells import cells_of
+
+_PLACES = 200
+"""At which spacing and noise are measured, drawn by area."""
+_NEIGHBOURS = 40
+"""Of a place: its density is theirs, and its noise the scatter about a quadric through them."""
+_FULL = 8
+"""Points that a cell of the first, coarse grid holds on the average, at least."""
+_MOST = 20_000
+"""Points around a place that are looked at: more are thinned by choosing a smaller part of the space."""
+POINTS = 31
+"""In a cylinder: with as many of each cloud the level of detection is half the noise, 1.96 sqrt(2 / 31)."""
+WIDTHS_PER_SCALE = 2.0
+"""Diameters of a cylinder in the diameter of the ball that gives its normal, at least: the ball has four times as many points,
+so that the error of the normal adds little."""
+NOISES_PER_SCALE = 25.0
+"""The ball's diameter in units of the noise, at least (Lague et al. 2013, 20 to 25 times the roughness)."""
+SCALES_PER_DEPTH = 5.0
+"""How far a counterpart is looked for, in diameters of the ball.  Chosen by hand: 0.3 m for scans with 5 mm spacing."""
+RADIUS_PER_SPACING = 3.0
+"""Radius of the points that make a plane for cloud-to-cloud distances, in spacings: 28 points."""
+
+
+@dataclass(frozen=True)
+class CloudScale:
+    """spacing: 1 / sqrt(points per area), the median over the area.  noise: standard deviation across the surface, the median.
+    File units."""
+
+    spacing: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of a comparison, file units.  scale: diameter of the ball that gives a normal (D).  diameter: of the cylinder (d).
+    depth: how far a counterpart is looked for.  radius: of the points that make a plane (cloud to cloud)."""
+
+    scale: float
+    diameter: float
+    depth: float
+    radius: float
+
+
+def scale_of(xyz: np.ndarray) -> CloudScale:
+    """Spacing and noise of (n, 3) float64 points, none below 0."""
+    side = float(xyz.max(axis=0).max()) / 128
+    if not side > 0:
+        return CloudScale(0.0, 0.0)
+    cells = cells_of(xyz, side)
+    while len(cells.keys) * _FULL > len(xyz) and len(cells.keys) > 8:
+        side *= 2
+        cells = cells_of(xyz, side)
+    rng = np.random.default_rng(0)
+    spacings, noises = [], []
+    for cell in rng.choice(len(cells.keys), min(_PLACES, len(cells.keys)), replace=False):
+        place = cells.points[rng.integers(cells.first[cell], cells.first[cell + 1])]
+        near = cells.around(place)
+        if len(near) < _NEIGHBOURS + 1:
+            continue
+        if len(near) > _MOST:
+            away = np.abs(near - place).max(axis=1)
+            near = near[away <= np.partition(away, _MOST)[_MOST]]
+        tree = KDTree(near)
+        reach = float(np.max(tree.query(place, _NEIGHBOURS + 1)[0]))
+        if reach > 0:
+            spacings.append(reach * np.sqrt(np.pi / _NEIGHBOURS))
+            noises.append(noise_of(near, tree, place[None]))
+    if not spacings:
+        area = len(cells.keys) * side * side
+        return CloudScale(float(np.sqrt(area / len(xyz))), 0.0)
+    return CloudScale(float(np.median(spacings)), float(np.median(noises)))
+
+
+def sizes_for(*scales: CloudScale) -> Sizes:
+    """Default sizes for clouds of these scales: the coarser spacing and the larger noise count."""
+    spacing, noise = max(scale.spacing for scale in scales), max(scale.noise for scale in scales)
+    diameter = 2 * float(np.sqrt(POINTS / np.pi)) * spacing
+    scale = max(WIDTHS_PER_SCALE * diameter, NOISES_PER_SCALE * noise)
+    return Sizes(scale, diameter, SCALES_PER_DEPTH * scale, RADIUS_PER_SPACING * spacing)
