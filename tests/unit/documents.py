@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pointglass.viewer.common.rigid_transform import Rows, rigid, rotation_about
 from pointglass.viewer.picture.camera import look_at
 from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
@@ -41,6 +42,13 @@ def random_fits(random, kind: str) -> list[Fit | None]:
     return found
 
 
+def random_motion(random) -> Rows | None:
+    """A transformation of a scan, of two in three."""
+    if random.random() < 1 / 3:
+        return None
+    return rigid(rotation_about(random.normal(size=3), random.uniform(-180, 180)), random.uniform(-1e6, 1e6, 3))
+
+
 def random_note(random, text: str, picture: str = "") -> Annotation:
     return Annotation(text, vector(random.uniform(-1e6, 1e6, 3)), str(random.choice(list(STATUSES))),
                       f"https://example.org/{random.integers(1000)}", picture, random_view(random, "note é"),
@@ -60,7 +68,7 @@ def random_document(random, scans: list[str]) -> Document:
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     rows = tuple(vector(row) for row in axes)
     return Document(
-        scans=tuple(ScanFile(path, bool(random.random() < 0.5), 0.3048, "EPSG:25832") for path in scans),
+        scans=tuple(ScanFile(path, bool(random.random() < 0.5), 0.3048, "EPSG:25832", random_motion(random)) for path in scans),
         hidden_stations=tuple(map(int, random.integers(0, 256, 3))),
         up=vector(axes[1]),
         view=random_view(random, "last view"),

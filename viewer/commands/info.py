@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 from ...model.appearance.noise import NoiseModel
 from ...model.common.printable import printable
 from ...model.common.scanner_positions import stations_differ
+from ..common.rigid_transform import motion_text
 from ..common.text import counted
 from ..grid.cache import CacheError
 from ..grid.open_scene import open_scene
 from ..grid.scene import Scene
 from ..picture.json_values import to_json
 from ..preprocess.point_attributes import described
-from ..preprocess.scan_description import ExposureSummary
+from ..preprocess.scan_description import ExposureSummary, ScanDescription
 from ..readers.e57.e57_pictures import StoredPicture, pictures_in
+from ..work.project import moves_of
 from ..work.reference import with_reference
 
 if TYPE_CHECKING:
@@ -27,17 +29,17 @@ _log = logging.getLogger(__name__)
 
 def scene_of(paths: list[Path], *, cache: bool = True, columns: str | None = None,
              assigned: "Sequence[ScanFile]" = ()) -> Scene:
-    """The scene that facts are wanted of.  cache, columns: as for open_scene.  assigned: the scans of a document, with the unit
-    and the reference system that it assigns.
+    """The scene that facts are wanted of.  cache, columns: as for open_scene.  assigned: the scans of a document, with the
+    unit, the reference system and the transformations that it assigns.
 
     Counting the points and measuring their spacing needs the grid, so the scan is read and its grid built, and stored in the
     cache where that can be written.  Raises InputError as open_scene and with_reference do.
     """
     try:
-        scene = open_scene(paths, cache=cache, columns=columns)
+        scene = open_scene(paths, cache=cache, columns=columns, moves=moves_of(assigned))
     except CacheError as error:
         _log.warning("%s; the grid is built in memory", error)
-        scene = open_scene(paths, cache=False, columns=columns)
+        scene = open_scene(paths, cache=False, columns=columns, moves=moves_of(assigned))
     return replace(scene, meta=with_reference(scene.meta, assigned))
 
 
@@ -78,7 +80,16 @@ def facts(scene: Scene, full: bool = False) -> dict:
         }
     if meta.assigned:
         out["assigned"] = meta.assigned.names
+    if meta.records is not None and meta.records.moves:
+        out["moves"] = to_json(meta.records.moves)
     return out
+
+
+def _moves(meta: ScanDescription) -> list[str]:
+    """What the project moves, a line for each file."""
+    moves = () if meta.records is None else meta.records.moves
+    return [f"{Path(source).name}: {motion_text(rows)}, by the project" for source, rows in zip(meta.sources, moves)
+            if rows is not None]
 
 
 def format_text(scene: Scene, full: bool = False) -> str:
@@ -117,6 +128,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
     if full:
         rows.append(("grid", f"{len(scene.cell_coords):,} cells of {scene.cell_size:g}, {scene.layers} layers"))
         rows.append(("packed", f"{scene.count * 12 / 1e6:,.1f} MB, positions {scene.step:.2g} apart"))
+    rows += [("moved", text) for text in _moves(meta)]
     rows += [("warning", text) for text in meta.warning_texts]
     return "\n".join(f"{name:<8} {printable(value)}" for name, value in rows)  # a name in a file may hold tabs and newlines
 

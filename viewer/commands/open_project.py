@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..work.document import Document, ScanFile
 from ..work.ghosts import prepared
-from ..work.project import check_projects, is_project, read_project, scans_of
+from ..work.project import check_projects, is_project, moves_of, read_project, scans_of
 from ..work.reference import with_reference
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     matched = bool(options.exposures == "matched") if match is None else match
-    scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns)
+    scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns,
+                       moves=moves_of(document.scans))
     scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 

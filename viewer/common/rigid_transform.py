@@ -52,9 +52,12 @@ def check_rigid(rows: Rows, what: str) -> None:
 
 def moved_points(rows: Rows, xyz: np.ndarray) -> np.ndarray:
     """(n, 3) float64: points after the transformation; values that are not finite stay so."""
-    matrix = np.array(rows)
+    x, y, z = np.asarray(xyz, np.float64).T
+    moved = np.empty((len(x), 3))
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(xyz, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        for axis, (a, b, c, shift) in enumerate(rows[:3]):  # not by BLAS, whose last bit depends on how many points there are
+            moved[:, axis] = a * x + b * y + c * z + shift
+    return moved
 
 
 def turned_directions(rows: Rows, directions: np.ndarray) -> np.ndarray:
@@ -78,6 +81,12 @@ def turn_in_degrees(rows: Rows) -> float:
     rotation = np.array(rows)[:3, :3]
     axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     return math.degrees(math.atan2(float(np.linalg.norm(axis)), float(np.trace(rotation)) - 1.0))
+
+
+def motion_text(rows: Rows) -> str:
+    """A transformation in words: "turned 12.3456 degrees, shifted by 1.000, 2.000, 3.000"."""
+    shift = ", ".join(f"{row[3]:.3f}" for row in rows[:3])
+    return f"turned {turn_in_degrees(rows):.4f} degrees, shifted by {shift}"
 
 
 def rotation_about(axis: np.ndarray, degrees: float) -> np.ndarray:

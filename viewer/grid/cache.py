@@ -30,6 +30,7 @@ from ..picture.json_values import to_json
 from ..readers.formats import KNOWN
 from ..readers.grid_folder import MAGIC, is_grid
 from ..readers.grid_folder import META as _META
+from ..readers.moved_source import Moves, moves_of_files
 from .building.grid_threads import processors
 from .checksum import checksum
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
@@ -63,11 +64,12 @@ class CacheError(InputError):
     """The cache folder cannot be used; the scan itself may be fine."""
 
 
-def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
-    """The cache folder for the grid of these files; another folder once a file has changed.  match, columns: as for
-    viewer.grid.open_scene."""
-    versions = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS]
-    key = json.dumps([*versions, _identity(files), match, *([columns] if columns else [])]).encode()
+def folder_of(files: list[Path], match: bool = True, columns: str | None = None, moves: Moves | None = None) -> Path:
+    """The cache folder for the grid of these files; another folder once a file has changed, or been moved otherwise.  match,
+    columns, moves: as for viewer.grid.open_scene."""
+    versions, moved = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS], moves_of_files(files, moves)
+    more = [*([columns] if columns else []), *([{"moves": moved}] if moved else [])]
+    key = json.dumps([*versions, _identity(files), match, *more]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -75,10 +77,11 @@ def _identity(files: list[Path]) -> list:
     return [list(identity_of(file)) for file in files]  # as JSON has it
 
 
-def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool, columns: str | None) -> Scene:
-    """The grid of ``files`` from the cache, where it is built first if it is not there.  build, match, columns: as for
+def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool, columns: str | None,
+                  moves: Moves | None = None) -> Scene:
+    """The grid of ``files`` from the cache, where it is built first if it is not there.  build, match, columns, moves: as for
     build_into and folder_of.  Raises CacheError where the cache cannot be written."""
-    folder = folder_of(files, match, columns)
+    folder = folder_of(files, match, columns, moves)
     scene = load(folder, files)
     return build_into(folder, files, build, keep_old=False) if scene is None else scene
 

@@ -22,10 +22,12 @@ from ..preprocess.scan_description import (
     ScanWarning,
     WarningTopic,
 )
+from ..readers.moved_source import moves_of_files, refuse_moved_grid
 from .records.point_records import identity_of
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from ..readers.moved_source import Moves
     from ..readers.source import Source
 
 _log = logging.getLogger(__name__)
@@ -33,7 +35,8 @@ _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a f
 
 
 def open_scene(
-    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True, columns: str | None = None
+    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True, columns: str | None = None,
+    moves: "Moves | None" = None,
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
@@ -42,6 +45,7 @@ def open_scene(
     black as missing colour.  A folder made by ``convert`` has the colours it was built with; it is refused where colours as
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
+    moves: the rigid transformations of scans that a project has moved; None: all stay where their files have them.
     Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
     progress is cancelled.
@@ -50,6 +54,7 @@ def open_scene(
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
+        refuse_moved_grid(files[0], moves)
         scene = stored.load_folder(files[0])
         if not match and scene.matched:
             raise InputError("was built with matched exposures, colours as scanned are not in it", file=files[0],
@@ -57,9 +62,10 @@ def open_scene(
         return scene
     files, left_out = present(files)
     if not cache:
-        scene = build_scene(files, in_memory, match=match, columns=columns)
+        scene = build_scene(files, in_memory, match=match, columns=columns, moves=moves)
     else:
-        scene = stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
+        build = partial(build_scene, match=match, columns=columns, moves=moves)
+        scene = stored.load_or_build(files, build, match=match, columns=columns, moves=moves)
     if left_out:
         scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *_left_out(left_out))))
     for warning in scene.meta.warnings_about(WarningTopic.LEFT_OUT):
@@ -91,7 +97,8 @@ def _left_out(errors: Iterable[InputError]) -> list[ScanWarning]:
     return [ScanWarning(str(error), WarningTopic.LEFT_OUT) for error in errors]
 
 
-def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
+def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None,
+                moves: "Moves | None" = None) -> Scene:
     """Reads the files, of several those that can be read, and builds their grid.
 
     allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).
@@ -100,12 +107,12 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
     from ..readers.formats import open_readable
     from .building.two_passes import build_grid
 
-    sources, left_out = open_readable(files, columns)
+    sources, left_out = open_readable(files, columns, moves)
     while True:
         files = [source.path for source in sources]
         known = replace(
             stated_facts(sources), match=match, warnings=(*_left_out(left_out), *_differences(sources)),
-            records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns),
+            records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns, moves=moves_of_files(files, moves)),
         )  # fmt: skip
         try:
             return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, known=known)
@@ -114,7 +121,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
             if broken is None or len(sources) == 1:
                 raise
             left_out.append(error)
-            sources, _ = open_readable([source.path for source in sources if source is not broken], columns)
+            sources, _ = open_readable([source.path for source in sources if source is not broken], columns, moves)
 
 
 def _differences(sources: "Sequence[Source]") -> list[ScanWarning]:

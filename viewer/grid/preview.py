@@ -19,6 +19,7 @@ import numpy as np
 from ..common.errors import InputError
 
 if TYPE_CHECKING:
+    from ..readers.moved_source import Moves
     from ..readers.source import Chunk, Source
     from .scene import Scene
 
@@ -41,11 +42,11 @@ _log = logging.getLogger(__name__)
 
 
 def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: float = 0.8, columns: str | None = None,
-                  least_bytes: int = LEAST_BYTES) -> "Scene | None":
+                  least_bytes: int = LEAST_BYTES, moves: "Moves | None" = None) -> "Scene | None":
     """A scene in memory of about ``points`` points, read in about ``seconds``, on a slow disk in twice that.
 
     Returns None where the files have fewer than ``least_bytes`` together, cannot be read (the complete load reports why), or
-    have too few points.  columns: of text files, as for open_scene.
+    have too few points.  columns: of text files, moves: as for open_scene.
     """
     from ..preprocess.point_colour import height_colours
     from ..preprocess.scan_description import ScanSummary
@@ -56,7 +57,7 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
         files = as_paths(paths)
         if sum(_size(file) for file in files) < least_bytes:
             return None
-        sources, _ = open_readable(files, columns)
+        sources, _ = open_readable(files, columns, moves)
         end = (time.monotonic() + seconds, time.monotonic() + 2 * seconds)
         parts = [_sampled(source, points // len(sources), end) for source in sources]
     except (InputError, OSError) as error:

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..picture.camera import Camera
+from ..preprocess.scan_description import RecordOrigin
+from ..readers.moved_source import moved_pose
 from .pictures import Picture, as_picture
 
 if TYPE_CHECKING:
@@ -50,7 +52,8 @@ def photographs_of(scene: "Scene") -> list[Photograph]:
     """All photographs of the scene's E57 files, in the files' order.  Raises InputError where a file cannot be read."""
     found: list[Photograph] = []
     before: int | None = 0  # scans of the files before; None once they cannot be told
-    for source in map(Path, scene.meta.sources):
+    origin = scene.meta.records or RecordOrigin()
+    for number, source in enumerate(map(Path, scene.meta.sources)):
         if source.suffix.lower() != ".e57" or not source.is_file():
             before = None
             continue
@@ -63,7 +66,9 @@ def photographs_of(scene: "Scene") -> list[Photograph]:
             scan = scans.get(stored.number)
             station = None if scan is None or before is None else before + scan
             camera = cameras.get(stored.number)
-            camera = None if camera is None else replace(camera, name=stored.name)
+            if camera is not None:
+                pose = moved_pose(origin.move_of(number), camera.camera_to_world)
+                camera = replace(camera, name=stored.name, camera_to_world=pose)
             found.append(Photograph(stored.name, source, stored.kind, size, camera, station, stored))
         before = None if before is None else before + count
     return found

@@ -13,6 +13,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Self
 
+from ..common.rigid_transform import Rows, check_rigid
 from ..picture.json_values import NOT_STORED, UNLESS_DEFAULT, Count, Factor, OwnJson, from_json
 from .point_attributes import NO_ATTRIBUTES, AttributeLayout
 
@@ -88,6 +89,7 @@ class RecordOrigin:
     number of scans of each source.  turns: by source that was split into stations, the running numbers of the points with which
     its second and later stations begin.  files: (path, bytes, time of the last change in ns) of each source when it was read;
     None for points that were in memory.  columns: what the columns of text files are, None where they were recognised.
+    moves: by source the rigid transformation from the file's frame to that of the scene, None where they are one; (): all are.
     """
 
     first: tuple[Count, ...] | None = None
@@ -96,6 +98,16 @@ class RecordOrigin:
     turns: dict[int, tuple[Count, ...]] = field(default_factory=dict)
     files: tuple[tuple[str, Count, Count], ...] | None = None
     columns: str | None = None
+    moves: tuple[Rows | None, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+
+    def __post_init__(self) -> None:
+        for rows in self.moves:
+            if rows is not None:
+                check_rigid(rows, "moves")
+
+    def move_of(self, source: int) -> Rows | None:
+        """The transformation of the source of this number; None: its coordinates are those of its file."""
+        return self.moves[source] if source < len(self.moves) else None
 
 
 class WarningTopic(Enum):

@@ -15,6 +15,7 @@ from .grid_folder import is_grid
 from .text.utf16 import as_utf8
 
 if TYPE_CHECKING:
+    from .moved_source import Moves
     from .source import Source
 
 
@@ -199,22 +200,29 @@ def takes_columns(path: Path) -> bool:
     return any(path.suffix.lower() in row.suffixes for row in FORMATS if row.takes_columns)
 
 
-def open_sources(paths: list[Path], columns: str | None = None) -> "list[Source]":
-    """The readers for several paths.  Raises InputError as open_source, and where columns are named and no file is text."""
+def open_sources(paths: list[Path], columns: str | None = None, moves: "Moves | None" = None) -> "list[Source]":
+    """The readers for several paths.  moves: transformations of their coordinates.  Raises InputError as open_source, and where
+    columns are named and no file is text."""
+    from .moved_source import placed
+
     _check_columns(paths, columns)
-    return [open_source(path, columns) for path in paths]
+    return [placed(open_source(path, columns), moves) for path in paths]
 
 
-def open_readable(paths: list[Path], columns: str | None = None) -> "tuple[list[Source], list[InputError]]":
+def open_readable(paths: list[Path], columns: str | None = None,
+                  moves: "Moves | None" = None) -> "tuple[list[Source], list[InputError]]":
     """The readers for those of several paths that can be opened, and why each of the others cannot.
 
-    Raises InputError where none can be opened, and where columns are named and no file is text.
+    moves: transformations of their coordinates.  Raises InputError where none can be opened, and where columns are named and no
+    file is text.
     """
+    from .moved_source import placed
+
     _check_columns(paths, columns)
     sources, left_out = [], []
     for path in paths:
         try:
-            sources.append(open_source(path, columns))
+            sources.append(placed(open_source(path, columns), moves))
         except InputError as error:
             left_out.append(error)
     if not sources and left_out:

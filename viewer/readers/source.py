@@ -142,6 +142,10 @@ class Source:
         """Whether ``records`` takes less than about 0.1 s for a few records: it does not read the file from its beginning."""
         return False
 
+    def precision_within(self, bounds: np.ndarray) -> float:
+        """``precision`` of coordinates within bounds (2, 3), relative to the largest of them."""
+        return self.precision
+
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest.  Returns None
         where that is impossible.  Raises InputError where the file is damaged."""

@@ -2,7 +2,8 @@
 
 Scans and how they are taken, viewpoints, the camera path, clips, measurements, annotations and the look.  Every change makes
 a new Document; viewer.work.history keeps the old ones for undo, viewer.work.project reads and writes the file.
-Frame: the file's own coordinates, float64, file units, for everything that has a place.
+Frame: the file's own coordinates, float64, file units, for everything that has a place.  A scan that was moved (aligned, or
+levelled) has a transformation from its file's coordinates to those of the document.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -12,9 +13,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..common.errors import InputError
+from ..common.rigid_transform import Rows, check_rigid
 from ..common.text import with_whole_characters
 from ..picture.camera import Camera
 from ..picture.edits import Edits
+from ..picture.json_values import UNLESS_DEFAULT
 from ..picture.settings import BACKGROUNDS, Settings
 from .measuring.measurement import MeasuredPoint, Measurement
 from .notes.annotation import Annotation
@@ -27,14 +30,18 @@ class ScanFile:
 
     path: as opened; the project file stores it relative to itself.  visible: whether it is read when the project opens.
     metres_per_unit, crs: assigned by the person; None: as the file says.
+    transform: rigid, from the file's own coordinates to those of the document; None: they are the same.
     """
 
     path: str
     visible: bool = True
     metres_per_unit: float | None = None
     crs: str | None = None
+    transform: Rows | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
+        if self.transform is not None:
+            check_rigid(self.transform, f"{self.path}: transform")
         if self.metres_per_unit is not None and not (np.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
             raise InputError(f"{self.metres_per_unit!r} metres per unit: expected a number above 0", file=self.path)
 

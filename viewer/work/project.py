@@ -3,7 +3,8 @@
 ``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.work.document,
 clips carry their ``type``.  Paths of scans, of weights and of the pictures of notes are relative to the project file, with
 ``/``, where at most two folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its size and a
-checksum (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
+checksum (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.  A scan that was moved has
+``transform``, the four rows of the rigid matrix from its file's coordinates to the document's; others lack the key.
 """
 
 import contextlib
@@ -17,8 +18,9 @@ from pathlib import Path
 
 from ...model.common.files.atomic_write import write_atomic
 from ..common.errors import InputError
+from ..common.rigid_transform import Rows
 from ..picture.json_values import from_json, to_json
-from .document import Document, with_whole_names
+from .document import Document, ScanFile, with_whole_names
 from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
 SUFFIX = ".pointglass"
@@ -129,6 +131,11 @@ def scans_of(path: Path, document: Document) -> list[Path]:
     if missing := [scan for scan in scans if not scan.exists()]:
         raise MissingScans(path, missing)
     return scans
+
+
+def moves_of(scans: typing.Iterable[ScanFile]) -> dict[str, Rows]:
+    """The transformations of the scans of a document that have been moved, by real path (viewer.readers.moved_source)."""
+    return {os.path.realpath(scan.path): scan.transform for scan in scans if scan.transform is not None}
 
 
 def check_projects(paths: list[Path], *, ask: bool = False) -> None:

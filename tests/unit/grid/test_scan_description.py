@@ -26,7 +26,8 @@ FULL = ScanDescription(
     ("/a/left.laz", "/a/right.e57"), "LAZ, E57", "foot", 0.3048, "Oregon", True,
     (*(ScanWarning("what it is", topic, "a.las: " if topic is WarningTopic.DEGREES else "") for topic in WarningTopic),
      ScanWarning("left.laz: 8-bit colour, left out: nothing")),
-    RecordOrigin((0, 5, 9), (0, 5), (1, 2), {1: (7, 8)}, (("/a/left.laz", 12, 1 << 60), ("/a/right.e57", 3, 4)), "x y z"),
+    RecordOrigin((0, 5, 9), (0, 5), (1, 2), {1: (7, 8)}, (("/a/left.laz", 12, 1 << 60), ("/a/right.e57", 3, 4)), "x y z",
+                 (None, ((0.0, -1.0, 0.0, 5.0), (1.0, 0.0, 0.0, 1e6), (0.0, 0.0, 1.0, -2.5), (0.0, 0.0, 0.0, 1.0)))),
     ColourSummary("rgb", 16, "16-bit colour", 0.25), ExposureSummary(3, 2, True, 0.8, 1.25), RunSummary(0.5, False),
     AttributeLayout({2: 7, 6: 2}, 3, 9000, None), DroppedPoints(1, 2, 3),
     (ScanSummary("tripod", 5, (1.0, 2.0, 1e7), True), ScanSummary("other", 4)),
@@ -57,6 +58,7 @@ def test_what_a_person_assigned_is_no_part_of_the_file():
     ("scans", [{"name": "a"}], "meta.scans[0].count is missing"),
     ("scans", [{"name": "a", "count": 1, "position": [0, 1]}], "meta.scans[0].position"),
     ("records", {"turns": {"x": [1]}}, "meta.records.turns"), ("records", {"files": [["a", 1]]}, "meta.records.files[0]"),
+    ("records", {"moves": [[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]]}, "meta.records"),
     ("records", {"first": [1 << 62]}, "meta.records.first[0]"), ("colour", [], "meta.colour"),
     ("attributes", {"class": {"256": 1}}, "meta.attributes.class"), ("dropped", {"nan": True}, "meta.dropped.nan"),
 ])  # fmt: skip

@@ -66,7 +66,7 @@ def write(
         count = target.copy(path, records, scene.meta, reference, losses)
     if count is None:
         stream = moved = SourceColumns(records)
-        precision = max(source.precision for source in records.sources)
+        precision = max(source.precision_within(scene.bounds) for source in records.sources)
         if reproject is not None:
             moved, precision = Reprojected(stream, scene, records.sources, reproject, losses), 2.0**-53
             reference = moved.reference

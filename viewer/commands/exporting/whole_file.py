@@ -7,6 +7,7 @@ waveforms of compressed point formats 9 and 10, which lazrs decodes wrongly wher
 from pathlib import Path
 
 from ...common.progress import progress
+from ...readers.moved_source import unmoved
 from .record_stream import SourceRecords
 from .target import Target
 
@@ -15,9 +16,9 @@ _BLOCK = 1 << 24
 
 
 def can_copy(stream: SourceRecords, target: Target) -> bool:
-    """Whether the file to write is the only source as it is: nothing left out, recoloured or assigned."""
+    """Whether the file to write is the only source as it is: nothing left out, recoloured, moved or assigned."""
     source = stream.sources[0]
-    plain = stream.everything and stream.colours is None and not stream.scene.meta.assigned
+    plain = stream.everything and stream.colours is None and not stream.scene.meta.assigned and unmoved(source)[1] is None
     return len(stream.sources) == 1 and plain and source.format in target.same and source.path.is_file()
 
 

@@ -74,7 +74,7 @@ def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: f
                          remedy="subtract an offset from them first")
     return [
         f"{source.path.name}: stored in too few digits for coordinates up to {largest:.3g}: positions jump by "
-        f"{largest * 2 * source.precision:.2g}; export it with an offset or as double"
+        f"{largest * 2 * source.precision_within(counts.bounds):.2g}; export it with an offset or as double"
         for source in sources
-        if largest * 2 * source.precision > spacing / 4
+        if largest * 2 * source.precision_within(counts.bounds) > spacing / 4
     ]

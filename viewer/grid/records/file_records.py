@@ -64,7 +64,7 @@ class FileRecords:
 
     def __init__(self, scene: Scene):
         self._scene, self._records = scene, scene.records
-        origin = scene.meta.records or RecordOrigin()
+        self._origin = origin = scene.meta.records or RecordOrigin()
         self._files, self._columns = origin.files or (), origin.columns
 
     # ---- what is asked for
@@ -240,9 +240,11 @@ class FileRecords:
         if number >= len(self._files):
             return "the points were not read from files"
         from ...readers.formats import open_source
+        from ...readers.moved_source import MovedSource
 
         try:
-            return open_source(Path(self._files[number][0]), self._columns)
+            source, transform = open_source(Path(self._files[number][0]), self._columns), self._origin.move_of(number)
+            return source if transform is None else MovedSource(source, transform)
         except InputError as error:
             return str(error)
 

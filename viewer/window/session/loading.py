@@ -4,7 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...common.errors import Cancelled, PointglassError
 from ...preprocess.scan_description import ScanDescription, WarningTopic
@@ -15,6 +15,7 @@ from ..kit.worker import Worker
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
+    from ...readers.moved_source import Moves
     from .recovery import Recoverable
 
 
@@ -51,16 +52,18 @@ def scan_notices(meta: ScanDescription) -> list[ScanNotice]:
     return notices
 
 
-def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
-    """The scans as one scene.  cache, match, columns: as in viewer.grid.open_scene."""
+def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None,
+               moves: "Moves | None" = None) -> "Scene":
+    """The scans as one scene.  cache, match, columns, moves: as in viewer.grid.open_scene."""
     from ...grid import open_scene as grid_scene
     from ...readers.formats import takes_columns
 
     columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
-    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
+    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns, moves=moves)
 
 
-def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene | None":
+def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None,
+                  moves: "Moves | None" = None) -> "Scene | None":
     """A coarse scene within about a second; None where the complete one opens as fast.
 
     cache: whether the complete one is read from the cache, where it is there."""
@@ -69,11 +72,11 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
     from ...readers.grid_folder import is_grid
 
     files = as_paths(paths)
-    if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns) / "meta.json").is_file()):
+    if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns, moves) / "meta.json").is_file()):
         return None
     from ...grid.preview import preview_scene as coarse
 
-    return coarse(files, columns=columns)
+    return coarse(files, columns=columns, moves=moves)
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:
@@ -126,7 +129,7 @@ class ScanLoads:
 
     current: the load under way, else None.  missing: scans of a project that were not there, until somebody asks for them.
     prepare: the scans to read of what is opened (of a project, its scans); raises
-    PointglassError.  open_scene, preview_scene, wake: replaceable in tests.
+    PointglassError.  moves: the transformations of the scans prepared.  open_scene, preview_scene, wake: replaceable in tests.
     """
 
     def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
@@ -135,6 +138,7 @@ class ScanLoads:
         self.wake = wake
         self.open_scene, self.preview_scene = open_scene, preview_scene
         self.prepare: Callable[[Sequence[Path], Recoverable | None], list[Path]] = lambda paths, _: list(paths)
+        self.moves: Callable[[], Moves] = dict
         self.current: Worker | None = None
         self.missing: MissingScans | None = None
         self._asked: tuple[Sequence[Path], Recoverable | None] = (), None
@@ -150,7 +154,9 @@ class ScanLoads:
         self.cancel()
         self._asked = paths, recovered
         try:
-            given, colours = self.prepare(paths, recovered), {"match": False} if as_scanned else {}
+            given = self.prepare(paths, recovered)
+            colours: dict[str, Any] = {"match": False} if as_scanned else {}
+            colours |= {"moves": moves} if (moves := self.moves()) else {}
         except MissingScans as error:
             self.missing = error
             return

@@ -80,7 +80,7 @@ class Session:
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
         self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.shown_scan, self.area, lambda: self.spec)
         self.work = DocumentState()
-        self.loads.prepare = self.work.begin
+        self.loads.prepare, self.loads.moves = self.work.begin, self.work.opening_moves
         self._followed: tuple | None = None
         self.pointer: tuple[float, float] | None = None
         self.lost = self.dragging_handle = False

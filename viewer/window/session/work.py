@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...common.errors import InputError
+from ...common.rigid_transform import Rows
 from ...picture.camera import Camera
 from ...picture.settings import Settings
 from ...preprocess.scan_description import ScanDescription
@@ -21,6 +22,7 @@ from ...work.moved_scans import ScanPlace, difference, place_of
 from ...work.places.pick import Picked
 from ...work.project import (
     digest_of,
+    moves_of,
     places_in,
     project_among,
     project_beside,
@@ -117,6 +119,10 @@ class DocumentState:
     def opens_other(self) -> bool:
         """Whether what is being opened has a document of its own: a project or an autosave."""
         return self._next.project is not None or self._next.recovered is not None
+
+    def opening_moves(self) -> dict[str, Rows]:
+        """The transformations of the scans of what :meth:`begin` began."""
+        return moves_of(self._next.document.scans)
 
     def begin(self, paths: Sequence[Path], recovered: "Recoverable | None" = None) -> list[Path]:
         """Scans, or one project, are to be opened, or the scans of an autosave.  Returns the scans to read: of a project those

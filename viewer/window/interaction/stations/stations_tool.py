@@ -4,14 +4,17 @@ A photograph is laid over the view from its own place: blended, or split against
 away fades it out into the view.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 import numpy as np
 
+from ....common.rigid_transform import Rows
 from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
+from ....readers.moved_source import move_of, moved_pose, moves_at
 from ....work.places.pick import station_name
 from ...flight.navigation import view_along
 from ...kit import icons
@@ -43,6 +46,13 @@ def show_station(context: ToolContext, number: int, name: str, on: bool) -> None
     edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
 
 
+def _photographs(file: Path, transform: Rows | None) -> tuple[list[StoredPicture], list[StationPhoto], list[str]]:
+    """The pictures of an E57, those with a geometry at their places in the document, and warnings.  transform: of the file."""
+    photos, warnings = read_station_photos(file)
+    moved = [replace(photo, camera_to_world=moved_pose(transform, photo.camera_to_world)) for photo in photos]
+    return stored_pictures(file), moved, warnings
+
+
 def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
     """(number, name, position, inferred) of each station whose place is known."""
     scans = scene.meta.scans
@@ -69,7 +79,7 @@ class Stations(Tool):
     takes_clicks = True
 
     def __init__(self) -> None:
-        self._of: tuple[tuple[Path, ...], bool] | None = None  # the files whose photographs are read; whether as a preview
+        self._of: tuple | None = None  # the files whose photographs are read, whether as a preview, and their transformations
         self._read: Worker | None = None
         self._selected = False  # whether the tool is selected
         self._listed: tuple[ref[Scene], list[tuple[int, str]], dict[int, np.ndarray]] | None = None  # of the scene shown
@@ -108,14 +118,15 @@ class Stations(Tool):
 
     def _follow(self, context: ToolContext) -> None:
         """Reads the photographs of the scan shown, once, on a thread of its own."""
-        shown = context.session.shown_scan
-        if self._of != (shown.paths, shown.preview):
-            self._of, self.photos, self.warnings, self._read = (shown.paths, shown.preview), [], [], None
+        shown, meta = context.session.shown_scan, context.session.facts
+        moves = moves_at([Path(file) for file in meta.sources], meta.records.moves if meta.records is not None else ())
+        if self._of != (shown.paths, shown.preview, moves):
+            self._of, self.photos, self.warnings, self._read = (shown.paths, shown.preview, moves), [], [], None
             self.pictures, context.session.work.photo = [], None
             self.viewer.close_picture()
             files = [Path(path) for path in context.session.shown_scan.paths if Path(path).suffix.lower() == ".e57"]
             if files and not context.session.shown_scan.preview:
-                self._read = Worker(lambda: [(stored_pictures(file), *read_station_photos(file)) for file in files],
+                self._read = Worker(lambda: [_photographs(file, move_of(file, moves)) for file in files],
                                     "Reading photographs", context.session.loads.wake)
         if self._read is not None and self._read.finished:
             done, self._read = self._read, None
