@@ -15,6 +15,7 @@ from ..interaction.toolbox import Toolbox
 from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping
+from .list_keys import list_is_open
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme
@@ -124,7 +125,7 @@ class Input:
             elif action == glfw.PRESS and not typing and not mods & glfw.MOD_CONTROL and host.session.scene is not None:
                 host.session.flight.held.add(control.action)
             return
-        if typing:
+        if typing or (name != "ESCAPE" and list_is_open(host.imgui)):
             return
         if host.session.scene is not None and host.session.notices.message is None:
             kinds: dict[int, Literal["press", "release", "repeat"]] = {

@@ -9,6 +9,7 @@ from ..panels.outliner import draw_outliner
 from ..panels.status_bar import draw_status_bar
 from ..panels.tool_bar import draw_corner, draw_tool_bar
 from ..panels.view_switch import draw_view_switch
+from .list_keys import keys_in_lists
 
 if TYPE_CHECKING:
     from ..file_dialog.choice_window import ChoiceWindow
@@ -61,6 +62,7 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
 
 def _draw(app: Host, *, shown: bool) -> None:
     imgui, session, look = app.imgui, app.session, app.theme
+    keys_in_lists(imgui)
     imgui.backends.opengl3_new_frame()
     imgui.backends.glfw_new_frame()
     imgui.new_frame()
