@@ -37,6 +37,8 @@ PICTURE_ENDINGS = (".jpg", ".jpeg", ".png")
 _ADDRESS = re.compile(r"https?://[^\s/?#]+\S*", re.IGNORECASE)
 _TITLE = 48
 """Letters of a title, which is drawn beside the marker."""
+_BEGINNING = 400
+"""Letters of a text that a tooltip shows."""
 _IDENTITY = uuid.UUID("5d4f3f2e-6a3c-4c0e-9a56-1f6c0b7a9d11")
 """Namespace of the identifiers of notes; drawn at random, once."""
 
@@ -68,6 +70,11 @@ class Annotation:
         if not first:
             return f"Note {number + 1}"
         return first if len(first) <= _TITLE else first[: _TITLE - 1].rstrip() + "…"
+
+    @property
+    def beginning(self) -> str:
+        """As much of the text as a tooltip shows."""
+        return self.text if len(self.text) <= _BEGINNING else self.text[: _BEGINNING - 1] + "…"
 
     @property
     def identity(self) -> str:

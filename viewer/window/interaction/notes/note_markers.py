@@ -22,10 +22,14 @@ class NoteMarkers(Overlay):
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         notes = context.document.annotations
-        for note in notes:
-            overlay.marker(note.position, COLOUR_OF[note.status], SIZE, "block")
-        if notes:
-            overlay.labels([note.position for note in notes], [note.title(number) for number, note in enumerate(notes)])
+        if not notes:
+            return
+        at, inside = overlay.place([note.position for note in notes])
+        seen = np.flatnonzero(inside).tolist()
+        for number in seen:
+            overlay.mark(at[number], COLOUR_OF[notes[number].status], SIZE, "block")
+        if seen:
+            overlay.labels([notes[number].position for number in seen], [notes[number].title(number) for number in seen])
 
 
 def note_at(context: ToolContext, position: tuple[float, float], radius: float) -> int | None:

@@ -139,7 +139,7 @@ class Notes(Tool):
 
         def row(number: int) -> Row:
             note = notes[number]
-            return Row(note.title(number), STATUSES[note.status].name, note.text, chosen=number == self.chosen)
+            return Row(note.title(number), STATUSES[note.status].name, note.beginning, chosen=number == self.chosen)
 
         def click(number: int) -> None:
             self.wanted = True
@@ -171,7 +171,7 @@ class Notes(Tool):
             if ui.selectable(fitted(note.title(number), ui.get_content_region_avail().x), number == self.chosen)[0]:
                 self.choose(None if number == self.chosen else number)
             if ui.is_item_hovered() and note.text:
-                ui.set_tooltip(note.text)
+                ui.set_tooltip(note.beginning)
             ui.pop_id()
         if self.chosen is not None and self.chosen < len(notes):
             ui.separator()
