@@ -23,6 +23,9 @@ from .measuring.measurement import MeasuredPoint, Measurement
 from .notes.annotation import Annotation
 from .viewpoint import Viewpoint
 
+LONGEST_STAY = 3600.0
+"""Seconds at a keyframe of a camera path."""
+
 
 @dataclass(frozen=True)
 class ScanFile:
@@ -48,23 +51,29 @@ class ScanFile:
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A view that the camera path passes at ``time``, seconds from its beginning."""
+    """A view that the camera path passes at ``time``, seconds from its beginning.  stay: seconds that the camera stays there,
+    of the film's length."""
 
     time: float
     view: Viewpoint
+    stay: float = field(default=0.0, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.time) and self.time >= 0):
             raise InputError(f"keyframe {self.view.name!r}: time {self.time!r}: expected seconds from 0")
+        if not 0 <= self.stay <= LONGEST_STAY:
+            raise InputError(f"keyframe {self.view.name!r}: stay {self.stay!r}: expected 0 to {LONGEST_STAY:g} seconds")
 
 
 @dataclass(frozen=True)
 class CameraPath:
-    """Keyframes in order of time.  fps: pictures a second.  closed: the last keyframe leads back to the first."""
+    """Keyframes in order of time.  fps: pictures a second.  closed: the last keyframe leads back to the first.  ease: whether
+    the film begins and ends slowly."""
 
     keyframes: tuple[Keyframe, ...] = ()
     fps: float = 30.0
     closed: bool = False
+    ease: bool = field(default=False, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         times = [key.time for key in self.keyframes]

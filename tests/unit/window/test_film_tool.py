@@ -124,17 +124,20 @@ def test_a_keyframe_is_selected_reordered_given_a_lens_replaced_and_deleted(cont
     assert context.camera.vertical_fov == pytest.approx(60.0)
 
 
+@pytest.mark.parametrize("ease", [False, True])
 @pytest.mark.parametrize("closed", [False, True])
-def test_the_film_passes_its_keyframes_when_the_timeline_says(seed, closed):
+def test_the_film_passes_its_keyframes_when_the_timeline_says(seed, closed, ease):
     rng = np.random.default_rng(seed)
     places = enumerate(rng.uniform(0, 9, (5, 3)))
-    keys = tuple(Keyframe(float(n), Viewpoint.of(look_camera(place), str(n))) for n, place in places)
-    path = CameraPath(keys, closed=closed)
-    cameras = cameras_along(keys, 2001, (160, 90), closed=closed)
+    stays = rng.choice([0.0, 0.4], 5) * ease
+    keys = tuple(Keyframe(float(n), Viewpoint.of(look_camera(place), str(n)), float(stays[n])) for n, place in places)
+    path = CameraPath(keys, closed=closed, ease=ease)
+    cameras = cameras_along(path, 2001, (160, 90))
     for key, seconds in zip(keys, passing_seconds(path), strict=True):
         there = cameras[round(seconds / path_seconds(path) * 2000)]
         assert np.linalg.norm(there.position - key.view.camera(160, 90).position) < 0.05
-    assert passing_seconds(path)[0] == 0.0 and (passing_seconds(path)[-1] < path_seconds(path) - 0.01) == closed
+    before_end = passing_seconds(path)[-1] < path_seconds(path) - 0.01
+    assert passing_seconds(path)[0] == 0.0 and before_end == (closed or stays[-1] > 0)
 
 
 def test_columns_of_the_timeline_and_times_are_inverse():
@@ -147,7 +150,7 @@ def test_columns_of_the_timeline_and_times_are_inverse():
 def test_a_closed_path_ends_where_it_began():
     keys = tuple(Keyframe(float(n), Viewpoint.of(look_camera(place), str(n)))
                  for n, place in enumerate([(0, 0, 1), (4, 0, 1), (4, 3, 1)]))
-    cameras = cameras_along(keys, 50, (160, 90), closed=True)
+    cameras = cameras_along(CameraPath(keys, closed=True), 50, (160, 90))
     assert np.allclose(cameras[0].position, cameras[-1].position, atol=1e-9)
     assert path_seconds(CameraPath(keys, closed=True)) == pytest.approx(3.0)
 

@@ -3,7 +3,7 @@
 import argparse
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,9 @@ from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...picture.edits import NO_EDITS, Edits
 from ...picture.json_values import to_json
+from ...work.cameras.pace import Pace
 from ...work.cameras.path import frame_name, interpolate
+from ...work.document import LONGEST_STAY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, metavar="S",
                         help="take the cameras as keyframes of a smooth path of this length, at constant speed (default: the "
                              "path's own length; where its cameras are as many, one frame each)")
+    parser.add_argument("--ease", action="store_true", help="begin and end slowly (with --seconds, or as the path says)")
+    parser.add_argument("--stay", type=float, metavar="S",
+                        help="stay S seconds at each camera of the path, of its length (default: as the path says, else 0)")
     parser.add_argument("--panorama", action="store_true", help="360-degree equirectangular pictures around each camera")
     parser.add_argument("--supersample", type=int, default=1, metavar="N",
                         help="render each picture N times wider and higher and average it, 1 to 4 (default 1)")
@@ -56,22 +61,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="with a folder: keep the frames that are there")
 
 
-def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None,
-              seconds: float | None = None) -> tuple[list["Camera"], float]:
+def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None, seconds: float | None = None,
+              stay: float | None = None, ease: bool = False) -> tuple[list["Camera"], float]:
     """(cameras, one a frame, and frames a second) of a camera file.
 
     A file's cameras are frames where they are as many as its own ``fps`` and ``seconds`` say, or where it does not say; else
-    keyframes, as with ``seconds``.  Raises InputError.
+    keyframes, as with ``seconds``.  stay, ease: as of Pace; None, False: as the file says.  Raises InputError.
     """
     from ...work.cameras.camera_files import read_cameras
 
+    if stay is not None and not 0 <= stay <= LONGEST_STAY:
+        raise InputError(f"expected 0 to {LONGEST_STAY:g} seconds", option="--stay", value=f"{stay:g}")
     for name, value in (("--fps", fps), ("--seconds", seconds)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(f"{name} {value:g}: expected a number above 0")
     if fps is not None and fps > MOST_FRAMES_A_SECOND:
         raise InputError(f"--fps {fps:g}: expected a number above 0, at most {MOST_FRAMES_A_SECOND}")
     cameras = read_cameras(path, size=size)
-    own_fps, own_seconds = _timing(path)
+    own = _timing(path, len(cameras))
+    own_fps, own_seconds = own.fps, own.seconds
     if fps is None and own_fps is not None and own_fps > MOST_FRAMES_A_SECOND:
         raise InputError(f"fps {own_fps:g}: expected at most {MOST_FRAMES_A_SECOND}", file=path, remedy="give --fps")
     rate = fps or own_fps or FRAMES_A_SECOND
@@ -81,17 +89,31 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
         raise InputError(f"{count:,} frames ({length:g} s at {rate:g} a second); at most {MOST_FRAMES:,} can be made",
                          file=path)
     if count == len(cameras) and seconds is None:
+        if stay or ease:
+            raise InputError("its cameras are frames, each shown once", file=path,
+                             remedy="give --seconds, which takes them as keyframes")
         return [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)], rate
-    return interpolate(cameras, count), rate
+    stays = own.stays if stay is None else (stay,) * len(cameras)
+    return interpolate(cameras, count, Pace(float(length or 0.0), stays, ease or own.ease)), rate
 
 
-def _timing(path: Path) -> tuple[float | None, float | None]:
-    """Frames a second and seconds that a camera_path.json states; None where it does not."""
+@dataclass(frozen=True)
+class _Timing:
+    """Frames a second and seconds that a camera_path.json states, None where it does not; and its pace."""
+
+    fps: float | None = None
+    seconds: float | None = None
+    stays: tuple[float, ...] = ()
+    ease: bool = False
+
+
+def _timing(path: Path, count: int) -> _Timing:
+    """What a camera file says about its timing.  count: of its cameras."""
     if path.suffix.lower() != ".json":
-        return None, None
+        return _Timing()
     data = json.loads(path.read_text(encoding="utf-8-sig"))  # read_cameras has read it
     if not isinstance(data, dict) or "camera_path" not in data:
-        return None, None
+        return _Timing()
     found = []
     for key in ("fps", "seconds"):
         value = data.get(key)
@@ -99,7 +121,13 @@ def _timing(path: Path) -> tuple[float | None, float | None]:
         if value is not None and not good:
             raise InputError(f"{key} {value!r:.60}: expected a number above 0", file=path)
         found.append(None if value is None else float(value))
-    return found[0], found[1]
+    stays = []
+    for number, frame in enumerate(data["camera_path"][:count]):
+        value = frame.get("stay", 0.0)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= LONGEST_STAY:
+            raise InputError(f"stay {value!r:.60} of camera {number}: expected 0 to {LONGEST_STAY:g} seconds", file=path)
+        stays.append(float(value))
+    return _Timing(found[0], found[1], tuple(stays), data.get("ease") is True)
 
 
 def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate: float, settings: "Settings", out: Path, *,
@@ -167,7 +195,8 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
 
     check(options)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
-    cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds)
+    cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds,
+                              stay=options.stay, ease=options.ease)
 
     from ...grid.open_scene import open_scene, say_degrees
     from ...render.device.context import create_context

@@ -4,7 +4,7 @@ Whatever a file's own axes, what comes back is :class:`viewer.picture.camera.Cam
 scan's coordinates.  Distortion is refused, never ignored.  Every error is one line with file, frame and value.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -108,15 +108,18 @@ CAMERA_ENDINGS = tuple(dict.fromkeys(ending for row in CAMERA_FORMATS for ending
 """For file dialogs."""
 
 
-def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None) -> None:
+def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None,
+                      stays: Sequence[float] = (), ease: bool = False) -> None:
     """Writes nerfstudio's camera_path.json, as ``read_cameras`` reads it back.
 
     The format knows one size for all, square pixels and a centred principal point; other cameras are refused
-    (InputError) rather than changed.  seconds: of the film; None: one frame a camera.
+    (InputError) rather than changed.  seconds: of the film; None: one frame a camera.  stays, ease: as of Pace; they are
+    written where they are not 0 and not false, as ``stay`` of a camera and ``ease``, which only pointglass reads.
     """
     cameras = list(cameras)
     if not cameras:
         raise InputError("no cameras to write", file=path)
+    all_stays = [*stays, *[0.0] * len(cameras)]
     width, height = cameras[0].width, cameras[0].height
     for n, camera in enumerate(cameras):
         where = f"{path}: frame {n} ({shown(camera.name)})"
@@ -132,13 +135,13 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
     frames = [
         {
             "camera_to_world": camera.camera_to_world.ravel().tolist(), "fov": camera.vertical_fov,
-            "aspect": width / height, "name": camera.name,
+            "aspect": width / height, "name": camera.name, **({"stay": stay} if stay > 0 else {}),
         }
-        for camera in cameras
+        for camera, stay in zip(cameras, all_stays)
     ]
     write_json(path, {
         "camera_type": "perspective", "render_width": width, "render_height": height, "fps": fps,
-        "seconds": len(frames) / fps if seconds is None else seconds, "camera_path": frames,
+        "seconds": len(frames) / fps if seconds is None else seconds, "camera_path": frames, **({"ease": True} if ease else {}),
     })
 
 

@@ -1,42 +1,52 @@
-"""The camera path of a document, as cameras: keyframes with times, a spline through them at constant speed."""
+"""The camera path of a document, as cameras: keyframes with times, a spline through them at the pace of the path."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 from ...picture.camera import Camera
-from ..document import CameraPath, Keyframe
+from ..document import CameraPath
+from .pace import Pace
 
 MOST_PREVIEWED = 3000
 """Frames that a preview is sampled at, at most."""
 
 
-def cameras_along(keys: Sequence[Keyframe], count: int, size: tuple[int, int], *, closed: bool = False) -> list[Camera]:
-    """``count`` cameras of ``size`` pixels along the path through keyframes, at constant speed."""
+def cameras_along(path: CameraPath, count: int, size: tuple[int, int]) -> list[Camera]:
+    """``count`` cameras of ``size`` pixels along the path, at its pace."""
     from .path import interpolate
 
-    cameras = [key.view.camera(*size) for key in keys]
-    if closed and len(cameras) > 1:
+    return interpolate(_key_cameras(path, size), count, pace_of(path))
+
+
+def pace_of(path: CameraPath) -> Pace | None:
+    """How the camera moves along the path; None where it does not move."""
+    seconds = path_seconds(path)
+    return Pace(seconds, tuple(key.stay for key in path.keyframes), path.ease) if seconds > 0 else None
+
+
+def _key_cameras(path: CameraPath, size: tuple[int, int]) -> list[Camera]:
+    """The cameras of the keyframes; closed, the first one again."""
+    cameras = [key.view.camera(*size) for key in path.keyframes]
+    if path.closed and len(cameras) > 1:
         cameras.append(replace(cameras[0], name="again"))
-    return interpolate(cameras, count)
+    return cameras
 
 
 @lru_cache(8)
 def preview_cameras(path: CameraPath) -> list[Camera]:
     """Cameras of a small picture, one a frame of the path, at most MOST_PREVIEWED."""
     count = max(2, min(round(path_seconds(path) * path.fps), MOST_PREVIEWED))
-    return cameras_along(path.keyframes, count, (160, 90), closed=path.closed)
+    return cameras_along(path, count, (160, 90))
 
 
 @lru_cache(8)
 def passing_seconds(path: CameraPath) -> tuple[float, ...]:
-    """Seconds after which the film passes each keyframe: the camera moves at constant speed."""
+    """Seconds after which the film reaches each keyframe."""
     from .path import passing_shares
 
-    cameras = [key.view.camera(160, 90) for key in path.keyframes]
-    if path.closed and len(cameras) > 1:
-        cameras.append(replace(cameras[0], name="again"))
-    return tuple(path_seconds(path) * float(share) for share in passing_shares(cameras))[: len(path.keyframes)]
+    passing, pace = passing_shares(_key_cameras(path, (160, 90))), pace_of(path)
+    seconds = passing * 0.0 if pace is None else pace.arrivals(passing)
+    return tuple(map(float, seconds))[: len(path.keyframes)]
 
 
 def path_seconds(path: CameraPath) -> float:

@@ -1,6 +1,7 @@
 """The camera path of a film: its keyframes, edited on a timeline, previewed over the picture, kept in a file.
 
-The path is that of ``pointglass video``: a spline through position, direction and field of view at constant speed.
+The path is that of ``pointglass video``: a spline through position, direction and field of view, at constant speed but for
+keyframes where the camera stays, and for a slow beginning and end.
 """
 
 from dataclasses import replace
@@ -10,14 +11,15 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from ....common.errors import PointglassError
+from ....work.cameras.around_centre import orbit
 from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_camera_path
 from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_cameras
-from ....work.document import Keyframe, replaced, unique_name, without
+from ....work.document import LONGEST_STAY, Keyframe, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...flight.navigation import view_along
 from ...kit.widgets import compact_button
 from ...saving.capture import unwritable
-from ..editing import edit
+from ..editing import Pointing, edit
 from ..tool import ToolContext
 from .timeline import Timeline
 
@@ -29,6 +31,8 @@ STEP = 3.0
 WRITTEN = {"Camera path": (".json",)}
 READ = {"Cameras": CAMERA_ENDINGS}
 """Files of cameras that are written and read: kind -> endings."""
+_REACH = 120.0
+"""Design units around the middle of the view within which a point to go around is looked for."""
 _CURVE = 96
 """Places of the path that are drawn over the picture."""
 
@@ -48,6 +52,7 @@ class CameraPathEditor:
     def __init__(self) -> None:
         self.timeline = Timeline()
         self.at, self.playing = 0.0, False
+        self._pointing = Pointing()
         self._clock = perf_counter
         self._before = 0.0
 
@@ -58,6 +63,21 @@ class CameraPathEditor:
         view = Viewpoint.of(context.camera, name) if view is None else replace(view, name=name)
         time = path.keyframes[-1].time + STEP if path.keyframes else 0.0
         edit(context, f"Add keyframe {name}", path=replace(path, keyframes=(*path.keyframes, Keyframe(time, view))))
+
+    def orbit(self, context: ToolContext) -> None:
+        """The path becomes one turn around the measured point nearest to the middle of the view."""
+        width, height = context.camera.width, context.camera.height
+        found = self._pointing.at(context, (width / 2, height / 2), _REACH)
+        if found is None:
+            context.toast("No measured point near the middle of the view: look at what the camera is to go around")
+            return
+        document = context.document
+        keys = orbit(context.camera, found.position, document.up, step=STEP)
+        had = bool(document.path.keyframes)
+        edit(context, "Orbit a point", path=replace(document.path, keyframes=keys, closed=True))
+        self.timeline.selected, self.at, self.playing = None, 0.0, False
+        back = "; Ctrl+Z brings the former one back" if had else ""
+        context.toast(f"The path goes once around the point in the middle{back}")
 
     def set_length(self, context: ToolContext, seconds: float) -> None:
         """Stretches the times of all keyframes so that the path takes so many seconds."""
@@ -84,15 +104,21 @@ class CameraPathEditor:
         fly_to(context, path.keyframes[number].view)
 
     def shift(self, context: ToolContext, places: int) -> None:
-        """Moves the selected keyframe in the order of the path: the views change places, the times stay."""
+        """Moves the selected keyframe in the order of the path: the times keep their places."""
         path, number = context.document.path, self.timeline.selected
         if number is None or not 0 <= number + places < len(path.keyframes):
             return
-        views = [key.view for key in path.keyframes]
-        views.insert(number + places, views.pop(number))
-        keys = tuple(replace(key, view=view) for key, view in zip(path.keyframes, views, strict=True))
+        order = list(path.keyframes)
+        order.insert(number + places, order.pop(number))
+        keys = tuple(replace(key, time=place.time) for key, place in zip(order, path.keyframes, strict=True))
         self.timeline.selected = number + places
-        edit(context, f"Reorder {views[number + places].name}", path=replace(path, keyframes=keys))
+        edit(context, f"Reorder {keys[number + places].view.name}", path=replace(path, keyframes=keys))
+
+    def change_stay(self, context: ToolContext, number: int, seconds: float) -> None:
+        """The camera stays at a keyframe for so many seconds."""
+        path = context.document.path
+        keys = replaced(path.keyframes, number, replace(path.keyframes[number], stay=seconds))
+        edit(context, f"Stay at {path.keyframes[number].view.name}", ("stay", number), path=replace(path, keyframes=keys))
 
     def replace_view(self, context: ToolContext) -> None:
         """The selected keyframe becomes the present view."""
@@ -128,7 +154,8 @@ class CameraPathEditor:
         keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
         cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
         try:
-            write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None)
+            write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None,
+                              stays=[key.stay for key in path.keyframes], ease=path.ease)
         except (PointglassError, OSError) as error:
             told = unwritable(file, error) if isinstance(error, OSError) else error
             context.session.notices.say("The camera path cannot be written", told)
@@ -169,6 +196,11 @@ class CameraPathEditor:
         path = context.document.path
         if ui.button("Add keyframe here"):
             self.add_keyframe(context)
+        ui.same_line()
+        if ui.button("Orbit"):
+            self.orbit(context)
+        if ui.is_item_hovered():
+            ui.set_tooltip("A path once around the point in the middle of the view")
         if path.keyframes:
             self._timeline(ui, context)
         if ui.button("Open path…"):
@@ -201,6 +233,9 @@ class CameraPathEditor:
         changed, seconds = ui.drag_float("##length", length, 0.1, 0.2, 3600.0, "length %.1f s", clamp)
         if changed and isfinite(seconds):  # "nan" may be typed
             self.set_length(context, seconds)
+        changed, ease = ui.checkbox("begin and end slowly", path.ease)
+        if changed:
+            edit(context, "Begin and end slowly", path=replace(path, ease=ease))
         changed, closed = ui.checkbox("back to the first keyframe", path.closed)
         if changed:
             edit(context, "Close the camera path", path=replace(path, closed=closed))
@@ -225,3 +260,10 @@ class CameraPathEditor:
                 act()
             if ui.is_item_hovered():
                 ui.set_tooltip(explained)
+        ui.set_next_item_width(-1)
+        changed, stay = ui.drag_float("##stay", keys[number].stay, 0.05, 0.0, LONGEST_STAY, "stay here %.1f s",
+                                      ui.SliderFlags_.always_clamp)
+        if ui.is_item_hovered():
+            ui.set_tooltip("How long the camera stays at this keyframe; the film keeps its length")
+        if changed and isfinite(stay):
+            self.change_stay(context, number, stay)

@@ -107,7 +107,7 @@ class Film(Tool):
         shown = context.session.view_settings.shown_settings
         settings = replace(shown, view=self.view, quality=self.quality or shown.quality)
         return FilmJob(
-            context.session.scene, tuple(cameras_along(path.keyframes, count, size, closed=path.closed)), path.fps,
+            context.session.scene, tuple(cameras_along(path, count, size)), path.fps,
             settings, out, panorama=self.panorama, supersample=self.supersample,
             background=context.session.view_settings.background, edits=context.document.edits,
         )  # fmt: skip
