@@ -78,13 +78,17 @@ class SourceRecords:
 
     def __init__(self, selection: "Selection", columns: str | None = None, *, matched: bool = False):
         from ...readers.formats import open_sources
-        from ...readers.moved_source import moves_at
+        from ...readers.moved_source import moves_at, unmoved
 
         self.selection, self.scene = selection, selection.scene
         paths = [Path(path) for path in self.scene.meta.sources]
         origin = self.scene.meta.records or RecordOrigin()
         columns, moves = columns or origin.columns, moves_at(paths, origin.moves)
         self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns, moves)
+        self.files: list[Source] = [unmoved(source)[0] for source in self.sources]
+        """The readers of the files themselves."""
+        self.moves = [unmoved(source)[1] for source in self.sources]
+        """The transformation of each, None where it stays."""
         self.numbers = scan_numbers(self.scene, self.sources)
         self._ghosts = self._hidden_ghosts()
         self.colours = _shown_colours(self.scene) if matched and self.scene.matched else None

@@ -60,7 +60,7 @@ def write(
     records = SourceRecords(selection, columns, matched=matched)
     if reproject is None and can_copy_file(records, target):
         return copy_file(path, records)
-    reference = Reference() if reproject is not None else reference_of(scene.meta, records.sources, losses)
+    reference = Reference() if reproject is not None else reference_of(scene.meta, records.files, losses)
     count = None
     if reproject is None and target.copy is not None:
         count = target.copy(path, records, scene.meta, reference, losses)
@@ -68,10 +68,10 @@ def write(
         stream = moved = SourceColumns(records)
         precision = max(source.precision_within(scene.bounds) for source in records.sources)
         if reproject is not None:
-            moved, precision = Reprojected(stream, scene, records.sources, reproject, losses), 2.0**-53
+            moved, precision = Reprojected(stream, scene, records.files, reproject, losses), 2.0**-53
             reference = moved.reference
-        name_left_behind(records.sources, target, losses)
-        kept = kept_records(records.sources, losses) if target.las else ()
+        name_left_behind(records.files, target, losses)
+        kept = kept_records(records.files, losses) if target.las else ()
         count = _write_columns(path, moved, selection, reference, losses, precision, all_columns, kept)
         if stream.lost or stream.far:
             losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
@@ -123,7 +123,7 @@ def _write_las(given: Columns) -> None:
 
 
 def _copy_las(path: Path, records: SourceRecords, _: dict, reference: Reference, losses: Losses) -> int | None:
-    return copy_las(path, records, reference, losses) if can_copy_las(records.sources) else None
+    return copy_las(path, records, reference, losses) if can_copy_las(records) else None
 
 
 def _write_ply(given: Columns) -> None:
@@ -139,7 +139,7 @@ def _write_e57(given: Columns) -> None:
 
 
 def _copy_e57(path: Path, records: SourceRecords, meta: ScanDescription, reference: Reference, losses: Losses) -> int | None:
-    if not can_copy_e57(records.sources) or to_metres(meta, reference) is not None:
+    if not can_copy_e57(records.files) or to_metres(meta, reference) is not None:
         return None
     tell_unit(meta, reference, losses)
     return copy_e57(path, records, reference, losses)

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from ....common.rigid_transform import Rows, moved_points
+from ....common.text import counted
 from ....readers.e57.e57_nodes import child, library, open_e57, text_of
 from ....readers.e57.e57_records import BLOCK, RawField, arrays_for, buffers_of, fields_of, raw_blocks
 from ....readers.e57.e57_source import E57Source
@@ -21,6 +23,7 @@ from ..losses import Losses
 from ..record_stream import SourceRecords
 from .e57_bounds import RecordBounds
 from .e57_file import COLOURS, NodeCopy, as_stored, header, new_file, writer_of
+from .e57_poses import moved_pose_node
 
 _WRITTEN = (
     "data3D",
@@ -47,7 +50,7 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
     written, running, gone = 0, 0, _Omitted()
     with ExitStack() as stack:
         image = stack.enter_context(new_file(path))
-        files = [stack.enter_context(open_e57(source.path)) for source in stream.sources]
+        files = [stack.enter_context(open_e57(source.path)) for source in stream.files]
         copy, root = NodeCopy(image), image.root()
         _extensions(image, files, losses)
         first = files[0].root()
@@ -62,12 +65,12 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
                 root.set(node.elementName(), copy.copied(node, files[0]))
         copy.finish()
         with stream.meter("writing") as meter:
-            for source, file, number in zip(stream.sources, files, range(len(files)), strict=True):
+            for source, file, number in zip(stream.files, files, range(len(files)), strict=True):
                 assert isinstance(source, E57Source)
                 task = _Scans(stream, source, file, number, copy, scans, meter, gone)
                 running, count = task.copy_all(running)
                 written += count
-                gone.photographs += _copy_images(file, images, copy, task.left_out - task.kept)
+                gone.photographs += _copy_images(file, images, copy, task.left_out - task.kept, stream.moves[number])
         copy.finish()
     name_texts(copy.texts, losses)
     gone.tell(losses)
@@ -76,12 +79,14 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
 
 @dataclass
 class _Omitted:
-    """What is left out besides the records that a selection excludes.  invalid: records that the file marks as invalid."""
+    """What is left out besides the records that a selection excludes.  invalid: records that the file marks as invalid.
+    poses: moved scans that had none."""
 
     scans: int = 0
     photographs: int = 0
     groups: int = 0
     invalid: int = 0
+    poses: int = 0
 
     def tell(self, losses: Losses) -> None:
         if self.scans:
@@ -90,6 +95,9 @@ class _Omitted:
             losses.add(omitted(self.photographs, "photograph", " of scans without a selected record"))
         if self.groups:
             losses.add("the groups of records (pointGroupingSchemes) are left out, since they count all records")
+        if self.poses:
+            losses.add(f"{counted(self.poses, 'scan')} without a scanner position got a pose, which says where it was moved "
+                       "to, not where its scanner stood")
         if self.invalid:
             losses.add(omitted(self.invalid, "record", " marked as invalid"))
 
@@ -154,7 +162,12 @@ class _Scans:
             coloured = libe57.StructureNode(points.prototype()).isDefined("colorRed")
             ends = self._source.colour_range(index) if coloured else None
         limits = "colorLimits" if ends is not None and child(node, "colorLimits", "Structure") is not None else ""
-        scan = self._copy.copied(node, self._file, ("points", limits, *(() if everything else _BY_RECORDS)))
+        transform = self._stream.moves[self._number]
+        pose = "" if transform is None else "pose"
+        scan = self._copy.copied(node, self._file, ("points", limits, pose, *(() if everything else _BY_RECORDS)))
+        if transform is not None:
+            scan.set("pose", moved_pose_node(self._copy.image, node, transform))
+            self._gone.poses += not node.isDefined("pose")
         if limits and ends is not None:
             scan.set(limits, self._copy.limits(node[limits], self._file, ends))
         vector = None
@@ -180,7 +193,8 @@ class _Scans:
         if self._stream.everything:
             return running + len(chunk.xyz), n
         scans = self._stream.numbers.of(self._number, running, index, len(chunk.xyz))
-        mask = self._stream.mask(running, chunk.xyz, scans)
+        transform = self._stream.moves[self._number]
+        mask = self._stream.mask(running, chunk.xyz if transform is None else moved_points(transform, chunk.xyz), scans)
         if valid is None:
             kept = np.ones(n, bool) if mask is None else mask
         else:
@@ -222,8 +236,8 @@ def _extensions(image: Any, files: list, losses: Losses) -> None:
                 losses.add(f"the extension {prefix} is {known[prefix]} in one file and {uri} in another; the first is stated")
 
 
-def _copy_images(file: Any, images: Any, copy: NodeCopy, left_out: set[str]) -> int:
-    """Appends the photographs, except those of scans that are left out; returns how many these are."""
+def _copy_images(file: Any, images: Any, copy: NodeCopy, left_out: set[str], transform: Rows | None) -> int:
+    """Appends the photographs, except those of scans that are left out; returns how many these are.  transform: of the file."""
     root = file.root()
     if not root.isDefined("images2D"):
         return 0
@@ -231,7 +245,11 @@ def _copy_images(file: Any, images: Any, copy: NodeCopy, left_out: set[str]) -> 
     for index in range(source.childCount()):
         node = source[index]
         if text_of(node, "associatedData3DGuid") not in left_out - {""}:
-            images.append(copy.copied(node, file))
+            turned = transform is not None and node.isDefined("pose")
+            made = copy.copied(node, file, ("pose",) if turned else ())
+            if turned and transform is not None:
+                made.set("pose", moved_pose_node(copy.image, node, transform))
+            images.append(made)
             copy.finish()
         else:
             count += 1

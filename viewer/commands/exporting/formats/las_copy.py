@@ -14,7 +14,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ....common.errors import InputError
+from ....common.rigid_transform import moved_points
 from ....readers.las.las_source import LasSource
+from ....readers.moved_source import NORMALS
 from ..crs_records import Reference
 from ..losses import Losses
 from ..output_file import output_file
@@ -32,10 +34,8 @@ from .las_layout import (
     read_layout,
     vlr,
 )
+from .las_scales import common_scale, rounded_coordinates, whole_coordinates
 
-_REACH = 2**31 - 8
-_WHOLE = 1e-6
-"""Largest distance from a whole number at which a ratio of scales or a step between offsets counts as one."""
 _WKT_BIT = 1 << 4
 _CHECKED = (9, 10)
 """Point formats whose waveform fields lazrs 0.8 confuses where scanner channels alternate; they are decoded again."""
@@ -45,47 +45,20 @@ _CHANNEL = 4  # bit of the classification flags at which the scanner channel beg
 _COPC = (("copc", 1), ("copc", 1000))
 
 
-def can_copy(sources: list) -> bool:
+def can_copy(stream: SourceRecords) -> bool:
     """Whether all sources are LAS files whose records have the same layout and whose coordinates have a common scale."""
-    if not all(isinstance(source, LasSource) for source in sources):
+    if not all(isinstance(source, LasSource) for source in stream.files):
         return False
-    layouts = [read_layout(source.path) for source in sources]
+    layouts = [read_layout(source.path) for source in stream.files]
     if len(layouts) == 1:
-        return True
+        return not any(stream.moves) or common_scale(layouts, stream.moves) is not None
     first = layouts[0]
     same = all(
         (lay.version, lay.point_format, lay.length, lay.extra_bytes)
         == (first.version, first.point_format, first.length, first.extra_bytes)
         for lay in layouts
     )
-    return same and not first.waveforms and _common(layouts) is not None
-
-
-def _common(layouts: list[LasLayout]) -> tuple[np.ndarray, np.ndarray] | None:
-    """(scales, offsets), (3,) each, in which the coordinates of all files are whole numbers of 32 bits; None where there are
-    none."""
-    scales = np.min([lay.scales for lay in layouts], axis=0)
-    offsets = layouts[0].offsets
-    if not (scales > 0).all():
-        return None
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for lay in layouts:
-        ratio, step = lay.scales / scales, (lay.offsets - offsets) / scales
-        if (
-            np.abs(ratio - np.rint(ratio)).max() > _WHOLE
-            or np.abs(step - np.rint(step)).max() > 1e-3
-            or np.abs(step).max() > 2**40
-        ):
-            return None
-        bounds = np.array(struct.unpack_from("<6d", lay.header, 179)).reshape(3, 2)
-        low, high = np.minimum(low, bounds[:, 1]), np.maximum(high, bounds[:, 0])
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        return None
-    if max(np.abs(low - offsets).max(), np.abs(high - offsets).max()) / scales.min() > _REACH:
-        offsets = offsets + np.rint(((low + high) / 2 - offsets) / scales) * scales
-        if (np.maximum(high - offsets, offsets - low) / scales).max() > _REACH:
-            return None
-    return scales, offsets
+    return same and not first.waveforms and common_scale(layouts, stream.moves) is not None
 
 
 class _Facts:
@@ -98,7 +71,7 @@ class _Facts:
             return
         largest, ids = [0] * len(layouts), False
         with stream.meter("looking at the files") as meter:
-            for number, source in enumerate(stream.sources):
+            for number, source in enumerate(stream.files):
                 assert isinstance(source, LasSource)
                 for chunk, records in source.native_chunks():
                     ids |= bool(records["point_source_id"].any())
@@ -106,7 +79,7 @@ class _Facts:
                     meter.update(len(records))
         if max(largest) > 255:
             self.shade = [257 if 0 < value <= 255 else 1 for value in largest]
-            names = [source.path.name for source, shade in zip(stream.sources, self.shade, strict=True) if shade > 1]
+            names = [source.path.name for source, shade in zip(stream.files, self.shade, strict=True) if shade > 1]
             if names:
                 losses.add(
                     f"8-bit colours in 16-bit fields are multiplied by 257 beside 16-bit colours, in {', '.join(names[:3])}"
@@ -119,11 +92,14 @@ class _Facts:
 
 def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Losses) -> int:
     """Writes the selected records; returns how many.  path: LAZ where its name says so."""
-    layouts = [read_layout(source.path) for source in stream.sources]
+    layouts = [read_layout(source.path) for source in stream.files]
     compressed = path.suffix.lower() == ".laz"
     _check_waveforms(stream, layouts, compressed)
     facts = _Facts(stream, layouts, losses)
-    common = _common(layouts) if len(layouts) > 1 else None
+    moved = any(stream.moves)
+    common = common_scale(layouts, stream.moves) if len(layouts) > 1 or moved else None
+    if moved and common is not None:
+        _tell_moved(layouts, common[0], losses)
     header, vlrs, evlrs = _parts(layouts, reference, common, losses)
     first, tally = layouts[0], Tally.empty()
     with output_file(path) as out:
@@ -163,7 +139,7 @@ def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
 def _check_waveforms(stream: SourceRecords, layouts: list[LasLayout], compressed: bool) -> None:
     """Raises InputError where lazrs decodes the first records of point formats 9 and 10, which are in several scanner channels,
     wrongly: those of the file, or those that it would write.  Before the rest is read."""
-    for source, layout in zip(stream.sources, layouts, strict=True):
+    for source, layout in zip(stream.files, layouts, strict=True):
         packed = source.format != "LAS"
         if layout.point_format not in _CHECKED or not (packed or compressed):
             continue
@@ -208,11 +184,13 @@ def _compression(lazrs: Any, layout: LasLayout) -> Any:
 def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, common) -> Iterator[np.ndarray]:
     running = 0
     with stream.meter("writing") as meter:
-        for number, source in enumerate(stream.sources):
+        for number, source in enumerate(stream.files):
             assert isinstance(source, LasSource)
+            transform = stream.moves[number]
             for chunk, records in source.native_chunks():
                 scans = stream.numbers.of(number, running, chunk.scan, len(records))
-                mask = stream.mask(running, chunk.xyz, scans)
+                xyz = chunk.xyz if transform is None else moved_points(transform, chunk.xyz)
+                mask = stream.mask(running, xyz, scans)
                 if stream.colours is not None and chunk.rgb is not None:
                     records = records.copy()
                     for axis, name in enumerate(("red", "green", "blue")):
@@ -220,7 +198,11 @@ def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, co
                 running += len(records)
                 found = records if mask is None else records[mask]
                 if common is not None and len(found):
-                    found = _placed(found.copy(), layouts[number], *common)
+                    if transform is None:
+                        found = whole_coordinates(found.copy(), layouts[number], *common)
+                    else:
+                        kept = xyz if mask is None else xyz[mask]
+                        found = rounded_coordinates(found.copy(), kept, layouts[number], *common)
                     if facts.source_ids[number]:
                         found["point_source_id"] = facts.source_ids[number]
                     if facts.shade[number] > 1:
@@ -230,16 +212,14 @@ def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, co
                 meter.update(len(records))
 
 
-def _placed(records: np.ndarray, layout: LasLayout, scales: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Coordinates as whole numbers of the common scale."""
-    factors = np.rint(layout.scales / scales).astype(np.int64)
-    steps = np.rint((layout.offsets - offsets) / scales).astype(np.int64)
-    for axis, name in enumerate("XYZ"):
-        values = records[name].astype(np.int64) * factors[axis] + steps[axis]
-        if len(values) and max(-int(values.min()), int(values.max())) > 2**31 - 1:
-            raise InputError("has points outside the bounds in its header", file=layout.path, remedy="export it alone")
-        records[name] = values
-    return records
+def _tell_moved(layouts: list[LasLayout], scales: np.ndarray, losses: Losses) -> None:
+    """Names what a motion does to records besides their places."""
+    losses.add(f"coordinates of moved scans are rounded to {scales[0]:g} file units")
+    extra = b"".join(record.raw for lay in layouts for record in lay.vlrs if record.key == EXTRA_BYTES)
+    if any(name.encode() in extra for names in NORMALS for name in names[:1] if len(name) > 2):
+        losses.add("normals in extra bytes keep their directions, although their scan is turned")
+    if any(lay.waveforms for lay in layouts):
+        losses.add("waveforms keep their directions, although their scan is turned")
 
 
 def _parts(
