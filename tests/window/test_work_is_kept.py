@@ -271,3 +271,23 @@ def test_escape_right_after_ctrl_q_answers_its_question_and_the_tool_stays(displ
     until(lambda: made() == 2, "a second measurement")
     assert window.process.poll() is None
     window.process.kill()
+
+
+def test_a_project_whose_file_is_deleted_meanwhile_is_asked_for_and_saved_again(display, scan):
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    all_points(scan)
+    window.keys("ctrl+s")
+    project = scan.with_name("room.pointglass")
+    until(project.exists, "the project")
+    window.wait_for_title("room.pointglass")
+    made = read_project(project).measurements
+    project.unlink()
+    window.keys("ctrl+q")
+    until(lambda: dimmed(window), "the question")
+    window.keys("Escape")
+    until(lambda: not dimmed(window), "its end")
+    window.close()
+    answered(window, lambda: window.process.poll() is not None, "the end, after Save")
+    assert window.ended() == 0 and read_project(project).measurements == made

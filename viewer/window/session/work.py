@@ -214,6 +214,11 @@ class DocumentState:
         return replace(moved(self.document, camera), settings=settings, background=background)
 
     @property
+    def gone(self) -> bool:
+        """Whether the project's file has been deleted, or taken away, since it was read or written here."""
+        return self.project is not None and not self.project.exists()
+
+    @property
     def changed_on_disk(self) -> bool:
         """Whether another program has written the project's file since it was read or written here."""
         return self.project is not None and digest_of(self.project) not in ("", self.digest)
