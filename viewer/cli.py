@@ -149,6 +149,12 @@ def _report(options: argparse.Namespace) -> int:
     return run(options)
 
 
+def _align(options: argparse.Namespace) -> int:
+    from .commands.align import run
+
+    return run(options)
+
+
 def _check_weights(settings: Settings) -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
@@ -243,8 +249,8 @@ def _doctor(options: argparse.Namespace) -> int:
 _LONGEST = 1500  # characters of a message
 _RUN = {
     "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "section": _section, "report": _report,
-    "info": _info, "convert": _convert, "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate,
-    "doctor": _doctor,
+    "align": _align, "info": _info, "convert": _convert, "bench": _bench, "simulate": _simulate, "train": _train,
+    "evaluate": _evaluate, "doctor": _doctor,
 }
 
 

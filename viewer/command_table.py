@@ -80,6 +80,12 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _align_options(parser: argparse.ArgumentParser) -> None:
+    from .commands.align import add_arguments
+
+    add_arguments(parser)
+
+
 def _info_options(parser: argparse.ArgumentParser) -> None:
     add_scans(parser)
     parser.add_argument("--json", action="store_true", help="print everything that is known, as JSON")
@@ -143,6 +149,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "export": ("write the measured points, or those inside boxes, as LAZ, LAS, PLY or E57", _export_options),
     "section": ("draw a plan, an elevation or a section to scale, as PNG or PDF", _section_options),
     "report": ("write viewpoints, notes and measurements of a project as PDF, its notes as BCF or CSV", _report_options),
+    "align": ("move a scan to its place beside another, by pairs of points and by surfaces (ICP)", _align_options),
     "info": ("show what a scan contains", _info_options),
     "convert": ("build the grid of a scan in a folder", _convert_options),
     "bench": ("measure run time, errors and stability", _bench_options),

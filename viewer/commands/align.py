@@ -1,0 +1,119 @@
+"""``pointglass align``: the rigid transformation that brings one scan to its place beside another, and a project with both.
+
+From pairs of points (--pairs), from the surfaces both show (ICP), or from pairs first and surfaces then.  Frame: file
+coordinates and units of each scan; the transformation leads from those of MOVING to those of FIXED.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..common.errors import InputError
+from ..common.progress import progress
+from ..common.rigid_transform import IDENTITY, Rows, motion_text
+from ..common.text import counted
+from ..work.document import Document, ScanFile
+from ..work.project import SUFFIX, is_project, write_project
+from ..work.registration.align_surfaces import Alignment, align_surfaces
+from ..work.registration.pair_file import read_pairs
+from ..work.registration.point_pairs import PairFit, fit_pairs
+
+if TYPE_CHECKING:
+    from ..readers.source import Source
+
+MOST = 4_000_000
+"""Points of a scan whose surfaces are compared, every so many of all: 60 for each voxel of viewer.work.registration."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """transform: of the moving scan.  pairs, surfaces: what was found by each, None where it was not asked for."""
+
+    transform: Rows
+    pairs: PairFit | None
+    surfaces: Alignment | None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options."""
+    parser.add_argument("moving", type=Path, metavar="MOVING", help="the scan that is moved")
+    parser.add_argument("fixed", type=Path, metavar="FIXED", help="the scan that stays")
+    parser.add_argument("--pairs", type=Path, metavar="F.csv",
+                        help="pairs of points to begin with: six numbers a line, x y z in MOVING and x y z in FIXED; without "
+                             "it the scans must lie within about half a metre and 10 degrees of their places")
+    parser.add_argument("--only-pairs", action="store_true", help="leave it at the pairs; surfaces are not compared")
+    parser.add_argument("--out", type=Path, metavar="F",
+                        help=f"write a project ({SUFFIX}) with both scans, MOVING at its place")
+
+
+def aligned(moving: "Source", fixed: "Source", pairs: tuple[np.ndarray, np.ndarray] | None, *, surfaces: bool = True) -> Found:
+    """The alignment of a scan to another.  pairs: as from read_pairs.  surfaces: whether they are compared.
+
+    Raises InputError as fit_pairs and align_surfaces do, and where both scans state different units."""
+    metres = moving.metres_per_unit, fixed.metres_per_unit
+    if None not in metres and abs(metres[0] / metres[1] - 1) > 1e-6:  # type: ignore[operator]
+        raise InputError(f"counts in {moving.units}, {fixed.path.name} in {fixed.units}; a scan is moved, not scaled",
+                         file=moving.path, remedy="export one of them in the unit of the other")
+    by_pairs = None if pairs is None else fit_pairs(*pairs)
+    start = IDENTITY if by_pairs is None else by_pairs.transform
+    if not surfaces:
+        return Found(start, by_pairs, None)
+    found = align_surfaces(_points(moving), _points(fixed), start)
+    return Found(found.transform, by_pairs, found)
+
+
+def _points(source: "Source") -> np.ndarray:
+    """(n, 3) points spread over a scan, at most about MOST."""
+    step = max(1, (source.count or 0) // MOST)
+    parts, at = [np.zeros((0, 3))], 0
+    with progress(source.count or 0, f"reading {source.path.name}", "point") as meter:
+        for chunk in source.chunks():
+            parts.append(chunk.xyz[-at % step :: step])
+            at += len(chunk.xyz)
+            meter.update(len(chunk.xyz))
+    return np.concatenate(parts)
+
+
+def report(found: Found, moving: "Source", fixed: "Source") -> str:
+    """What was found, as lines for a terminal."""
+    unit = {"metre": " m", "foot": " ft", "unknown": ""}.get(moving.units, f" {moving.units}")
+    rows = [("moved", f"{moving.path.name} to its place beside {fixed.path.name}: {motion_text(found.transform)}")]
+    rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
+             for number, row in enumerate(found.transform)]
+    if (pairs := found.pairs) is not None:
+        rows.append(("pairs", f"{counted(len(pairs.residuals), 'pair')}, rms {pairs.rms:.4g}{unit}, residuals "
+                              f"{', '.join(f'{value:.4g}' for value in pairs.residuals)}"))
+    if (known := found.surfaces) is not None:
+        rows += [
+            ("surfaces", f"rms {known.rms:.4g}{unit} at {known.count:,} places; {100 * known.overlap:.0f} % of "
+                         f"{moving.path.name} overlap"),
+            ("from", f"the start was off by {known.moved:.4g}{unit} there"),
+            ("unsure", f"{known.uncertainty:.2g}{unit} of a place in the overlap, {known.turn_uncertainty:.2g} degrees of the "
+                       "turn (95 %, without errors of the instruments)"),
+        ]
+    return "\n".join(f"{name:<8} {text}" for name, text in rows)
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command.  Returns the exit code."""
+    from ..readers.formats import open_source
+
+    if options.only_pairs and options.pairs is None:
+        raise InputError("needs pairs of points", option="--only-pairs", remedy="give --pairs F.csv")
+    if (out := options.out) is not None:
+        if not is_project(out):
+            raise InputError(f"expected a name ending in {SUFFIX}", option="--out", value=out)
+        if not out.parent.is_dir():
+            raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
+    pairs = None if options.pairs is None else read_pairs(options.pairs)
+    moving, fixed = (open_source(path) for path in (options.moving, options.fixed))
+    found = aligned(moving, fixed, pairs, surfaces=not options.only_pairs)
+    print(report(found, moving, fixed))
+    if out is not None:
+        scans = ScanFile(str(options.moving), transform=found.transform), ScanFile(str(options.fixed))
+        write_project(out, Document(scans))
+        print(f"project  {out}")
+    return 0
