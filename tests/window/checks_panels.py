@@ -58,6 +58,11 @@ def check_a_tool_of_the_icon_bar_opens_the_folded_panel_with_its_controls(d: Dri
         assert bottom < height - 30
         items.click(f"{icons.INSPECT}##inspect")
         assert panels.inspector and d.app.toolbox.active is d.app.toolbox.tools[1]
+        panels.inspector = False
+        d.key("T")
+        assert panels.inspector and d.app.toolbox.active.name == "measure", "so does its key"
+        panels.inspector = False
+        d.settle()
         items.click(f"{icons.OUTLINER}##outliner")
         assert panels.outliner
         items.click(f"{icons.FOLD_LEFT}##fold outliner")

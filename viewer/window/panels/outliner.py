@@ -46,7 +46,7 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
     for tool in toolbox.tools:
         for group in tool.outline(tools):
             if group.count:
-                _group(group, style)
+                _group(group, style, marks=tool is toolbox.active)
     draw_job_list([*toolbox.workers, *tools.saves.workers], session.notices.saved, actions, style)
     _notices(session, actions, style)
     imgui.pop_font()
@@ -131,8 +131,8 @@ def _eye(name: str, on: bool, about: str, style: Theme, *, disabled: bool = Fals
     return pressed
 
 
-def _group(group: Group, style: Theme) -> None:
-    """One group of rows, which folds."""
+def _group(group: Group, style: Theme, *, marks: bool) -> None:
+    """One group of rows, which folds.  marks: whether the row that the tool works on is marked."""
     imgui.dummy(ImVec2(0, style.px(2)))
     if not section(f"{group.title}  {group.count}###{group.title}", style, opened=True):
         return
@@ -147,21 +147,21 @@ def _group(group: Group, style: Theme) -> None:
     while clipper.step():
         for number in range(clipper.display_start, clipper.display_end):
             imgui.push_id(number)
-            _row(group, number, group.row(number), style)
+            _row(group, number, group.row(number), style, marks=marks)
             imgui.pop_id()
     if with_scroll:
         imgui.end_child()
     imgui.pop_id()
 
 
-def _row(group: Group, number: int, row: Row, style: Theme) -> None:
+def _row(group: Group, number: int, row: Row, style: Theme, *, marks: bool) -> None:
     if group.show is not None and row.shown is not None:
         if _eye("##shown", row.shown, "Show it", style):
             group.show(number, not row.shown)
         imgui.same_line(0, style.px(2))
     at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     height = imgui.get_frame_height() + (imgui.get_text_line_height() if row.value else 0.0)
-    pressed = imgui.selectable("##row", row.chosen, 0, ImVec2(room, height))[0]
+    pressed = imgui.selectable("##row", row.chosen and marks, 0, ImVec2(room, height))[0]
     hint(row.about or row.name, style)
     _menu(group, number, row)
     draw, pad = imgui.get_window_draw_list(), imgui.get_style().frame_padding.y

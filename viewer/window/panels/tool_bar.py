@@ -1,7 +1,9 @@
 """The icon bar at the picture's left edge: one icon a tool, viewpoints, and what opens a folded panel.
 
-It lies over the picture.  Where the window is too low for one column of icons, they get smaller.
+It lies over the picture.  Where the window is too low for one column of icons, they get smaller, then stand in two.
 """
+
+from math import ceil
 
 from imgui_bundle import ImVec2, imgui
 
@@ -30,11 +32,13 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
     """Top left of the part of the picture that no panel covers."""
     area, px = session.area.layout.uncovered, style.px
     folded = not session.area.panels.outliner
-    number = len(toolbox.tools) + 3 + folded
     gaps = 1 + folded
-    side = min(px(_BUTTON), (area.height - 2 * px(_AWAY) - 2 * px(_PAD) - 2 * gaps * px(_GAP)) / number)
-    side = max(side, px(_LEAST_BUTTON))
-    _begin("tool bar", Rect(area.left + px(_AWAY), area.top + px(_AWAY), side, number * side + 2 * gaps * px(_GAP)), style)
+    room = area.height - 2 * px(_AWAY) - 2 * px(_PAD) - 2 * gaps * px(_GAP)
+    rows = {columns: folded + ceil(len(toolbox.tools) / columns) + ceil(3 / columns) for columns in (1, 2)}
+    columns = 1 if room / rows[1] >= px(_LEAST_BUTTON) else 2
+    side = max(min(px(_BUTTON), room / rows[columns]), px(_LEAST_BUTTON))
+    tall = rows[columns] * side + 2 * gaps * px(_GAP)
+    _begin("tool bar", Rect(area.left + px(_AWAY), area.top + px(_AWAY), columns * side, tall), style)
     if folded:
         if icon_button(f"{icons.OUTLINER}##outliner", "Show what is open and what was made of it", style, side=side):
             actions.fold("outliner", False)
@@ -43,15 +47,15 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
             dot = ImVec2(corner.x - px(5), imgui.get_item_rect_min().y + px(5))
             imgui.get_window_draw_list().add_circle_filled(dot, px(4), packed(theme.WARN), 16)
         _gap(style)
-    for tool in toolbox.tools:
+    for number, tool in enumerate(toolbox.tools):
+        _column(number, columns)
         icon = tool.icon or tool.label[:1]
         if icon_button(f"{icon}##{tool.name}", explained(tool), style, side=side, lit=tool is toolbox.active):
             actions.select_tool(tool.name)
-            if tool is not toolbox.fly and not session.area.panels.inspector:
-                actions.fold("inspector", False)  # which has the tool's controls
     _gap(style)
     if icon_button(f"{icons.HOME}##home", "Back to the start viewpoint (Home)", style, side=side):
         actions.do("home")
+    _column(1, columns)
     if icon_button(f"{icons.FRAME}##frame", "See the whole scene from here (F)", style, side=side):
         actions.do("frame")
     if icon_button(f"{icons.SIDES}##sides", "The whole scene from above, the front, the side, a corner", style, side=side):
@@ -100,6 +104,12 @@ def _gap(style: Theme) -> None:
     imgui.get_window_draw_list().add_line(ImVec2(at.x + gap, at.y + gap), ImVec2(at.x + width - gap, at.y + gap),
                                           packed(theme.EDGE), 1.0)
     imgui.dummy(ImVec2(0, 2 * gap))
+
+
+def _column(number: int, columns: int) -> None:
+    """Puts the button with this number of its group beside the one before, where the row has room."""
+    if number % columns:
+        imgui.same_line()
 
 
 def _sides(actions: Actions, style: Theme) -> None:

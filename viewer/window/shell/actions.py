@@ -144,8 +144,7 @@ class WindowActions:
         self._session.cancel_load()
 
     def select_tool(self, name: str) -> None:
-        self._host.toolbox.select(name, self._host.tools)
-
+        _select_tool(self._host, name)
 
 
 def action_table(app: Host) -> "dict[str, Callable[[], object]]":
@@ -181,8 +180,15 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
     }
     for tool in app.toolbox.tools:
         if tool.key:
-            table[f"tool_{tool.name}"] = partial(app.toolbox.select, tool.name, app.tools)
+            table[f"tool_{tool.name}"] = partial(_select_tool, app, tool.name)
     return table
+
+
+def _select_tool(app: Host, name: str) -> None:
+    """Selects a tool by its icon or key, and opens the folded inspector, which has its controls."""
+    app.toolbox.select(name, app.tools)
+    if app.toolbox.active is not app.toolbox.fly:
+        app.session.area.panels.inspector = True
 
 
 def _look_from(session: Session, side: str) -> None:
