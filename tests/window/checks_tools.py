@@ -65,8 +65,12 @@ def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
 
 
 def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> None:
+    from PIL import Image
+
     from pointglass.viewer.picture.background import composite
     from pointglass.viewer.picture.provenance_tint import shares, tinted
+    from pointglass.viewer.window.session.colour_legend import shown_legend
+    from pointglass.viewer.work.pictures.picture_legend import with_legend
 
     before = shown(d)
     d.key("M")
@@ -82,6 +86,17 @@ def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> Non
     frame = d.app.viewport.frame
     told = d.app.toolbox.active.shares
     assert told == shares("filled", frame.image("filled"), frame.mask(), frame.image("filtered"))
+    work, saves, pictures = session.work, d.app.save_actions, []
+    for legend in (False, True):
+        work.shot_legend = legend
+        path = saves.screenshot()
+        assert path is not None
+        pictures.append(np.asarray(Image.open(path)))
+        path.unlink()
+    work.shot_legend = False
+    legend = shown_legend(session)
+    assert legend is not None and len(legend.rows) >= 2 and "with its legend" in session.notices.toasts[-1].text
+    assert np.array_equal(pictures[1], with_legend(pictures[0], legend)) and not np.array_equal(*pictures)
     d.key("M")
     assert np.array_equal(shown(d), before)
 

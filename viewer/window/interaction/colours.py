@@ -47,7 +47,7 @@ _HAS: "dict[Need, Callable[[Scene], bool]]" = {
 
 
 class AttributeLegend(Overlay):
-    """What the colours of points mean, while they are not the scan's own."""
+    """What the colours mean of points that have not the scan's own, or of pixels tinted by provenance."""
 
     name = "colour legend"
 

@@ -9,7 +9,6 @@ from .tool import Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...render.frame import Frame
-    from ..kit.overlay import OverlayCanvas
 
 
 class WhatIsReal(Tool):
@@ -63,13 +62,7 @@ class WhatIsReal(Tool):
 
     def follow(self, context: ToolContext) -> None:
         self._count(context)
-
-    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        rows = self.lines()
-        if rows:
-            from ..kit.legend import draw_legend  # imgui: this module is read without a window, too
-
-            draw_legend(overlay, [(COLOURS[key], text) for key, text in rows])
+        context.session.work.tint_rows = [(COLOURS[key], text) for key, text in self.lines()]
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         for _, text in self.lines():

@@ -14,13 +14,16 @@ if TYPE_CHECKING:
     from .session import Session
 
 _MOST_ROWS = 12
+_TINT = "provenance of pixels"
 
 
 def shown_legend(session: "Session") -> Legend | None:
-    """The legend of what is shown now; None where points have their own colours, where another view than of points is shown,
-    or pixels are coloured by provenance."""
+    """The legend of what is shown now: of the tint by provenance, else of points coloured by an attribute; None where they have
+    their own colours, or another view than of points is shown."""
     look, scene = session.document.look, session.scene
-    if scene is None or not look.recolours or session.work.tint or not set(session.screen.drawn) <= set(POINT_VIEWS):
+    if scene is not None and session.work.tint:
+        return Legend(_TINT, session.work.tint_rows) if session.work.tint_rows else None
+    if scene is None or not look.recolours or not set(session.screen.drawn) <= set(POINT_VIEWS):
         return None
     if COLOUR_BY[look.colour_by].legend != "ramp":
         return _listed(look.colour_by, scene)

@@ -53,7 +53,8 @@ class DocumentState:
     """history: of the document.  project: the file it was read from or saved to, else None.
     shot_scale: times the sides of the picture that F12 saves.  shot_measured: whether measurements are drawn over it.
     shot_noted: whether notes are.  shot_legend: whether the legend of recoloured points is.
-    tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
+    tint: whether pixels are coloured by provenance.  tint_rows: colour and text of each row of its legend.
+    photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
     exact_points: picked points of the work whose values are being read from their files.
     begun: the measurement that is not ended yet, None where there is none.
@@ -66,6 +67,7 @@ class DocumentState:
         self.history = History(Document())
         self.project: Path | None = None
         self.tint = False
+        self.tint_rows: list[tuple[tuple[int, int, int], str]] = []
         self.under_pointer: Picked | None = None
         self.exact_points = ExactPoints()
         self.begun: Begun | None = None
