@@ -131,27 +131,18 @@ def _video(options: argparse.Namespace) -> int:
     return run(options, settings)
 
 
-def _export(options: argparse.Namespace) -> int:
-    from .commands.exporting.command import run
-
-    return run(options)
-
-
-def _section(options: argparse.Namespace) -> int:
-    from .commands.section.command import run
-
-    return run(options)
-
-
-def _report(options: argparse.Namespace) -> int:
-    from .commands.report.command import run
-
-    return run(options)
-
-
-def _align(options: argparse.Namespace) -> int:
-    from .commands.align import run
-
+def _plain(options: argparse.Namespace) -> int:
+    """Commands that are one module's ``run``."""
+    if options.command == "export":
+        from .commands.exporting.command import run
+    elif options.command == "section":
+        from .commands.section.command import run
+    elif options.command == "report":
+        from .commands.report.command import run
+    elif options.command == "align":
+        from .commands.align import run
+    else:
+        from .commands.comparing.command import run
     return run(options)
 
 
@@ -248,9 +239,9 @@ def _doctor(options: argparse.Namespace) -> int:
 
 _LONGEST = 1500  # characters of a message
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "section": _section, "report": _report,
-    "align": _align, "info": _info, "convert": _convert, "bench": _bench, "simulate": _simulate, "train": _train,
-    "evaluate": _evaluate, "doctor": _doctor,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "info": _info, "convert": _convert, "bench": _bench,
+    "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
+    **dict.fromkeys(("export", "section", "report", "align", "compare"), _plain),
 }
 
 

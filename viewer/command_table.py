@@ -86,6 +86,12 @@ def _align_options(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _compare_options(parser: argparse.ArgumentParser) -> None:
+    from .commands.comparing.command import add_arguments
+
+    add_arguments(parser)
+
+
 def _info_options(parser: argparse.ArgumentParser) -> None:
     add_scans(parser)
     parser.add_argument("--json", action="store_true", help="print everything that is known, as JSON")
@@ -150,6 +156,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "section": ("draw a plan, an elevation or a section to scale, as PNG or PDF", _section_options),
     "report": ("write viewpoints, notes and measurements of a project as PDF, its notes as BCF or CSV", _report_options),
     "align": ("move a scan to its place beside another, by pairs of points and by surfaces (ICP)", _align_options),
+    "compare": ("measure what changed between two scans of one place: points, table and picture", _compare_options),
     "info": ("show what a scan contains", _info_options),
     "convert": ("build the grid of a scan in a folder", _convert_options),
     "bench": ("measure run time, errors and stability", _bench_options),

@@ -74,38 +74,66 @@ def in_cylinder(x, y, z, nx, ny, nz, radius, depth, found, side, sizes, points, 
 
 
 @compiled(nogil=True)
-def one_surface(found, count, begin, gap, result):
-    """Of the points in a cylinder those of the surface that is nearest to ``begin`` along the axis: a run without gaps.
-
-    result: (6,) float64: number, mean along the axis, variance (n - 1), mean offset across it.
-    """
-    along = np.sort(found[:count, 0])
+def run_around(along, begin, gap):
+    """Ends of the run without gaps, among places (n,) that ascend, that holds the one nearest to ``begin``."""
     middle = 0
-    for i in range(1, count):
+    for i in range(1, along.shape[0]):
         if abs(along[i] - begin) < abs(along[middle] - begin):
             middle = i
     low = high = middle
     while low > 0 and along[low] - along[low - 1] <= gap:
         low -= 1
-    while high < count - 1 and along[high + 1] - along[high] <= gap:
+    while high < along.shape[0] - 1 and along[high + 1] - along[high] <= gap:
         high += 1
-    number = high - low + 1
+    return along[low], along[high]
+
+
+@compiled(nogil=True)
+def between(found, count, low, high, result):
+    """Of the points in a cylinder, found[:count], those from low to high along the axis.
+
+    result: (6,) float64: number, mean along the axis, variance (n - 1), mean offset across it.
+    """
     for k in range(6):
         result[k] = 0.0
-    result[0] = number
     for i in range(count):
-        if along[low] <= found[i, 0] <= along[high]:
+        if low <= found[i, 0] <= high:
+            result[0] += 1
             result[1] += found[i, 0]
-            result[3] += found[i, 1]
-            result[4] += found[i, 2]
-            result[5] += found[i, 3]
-    result[1] /= number
-    result[3] /= number
-    result[4] /= number
-    result[5] /= number
-    for i in range(low, high + 1):
-        result[2] += (along[i] - result[1]) ** 2
-    result[2] = result[2] / (number - 1) if number > 1 else 0.0
+            for k in range(3):
+                result[3 + k] += found[i, 1 + k]
+    if result[0] == 0:
+        return
+    result[1] /= result[0]
+    for k in range(3):
+        result[3 + k] /= result[0]
+    for i in range(count):
+        if low <= found[i, 0] <= high:
+            result[2] += (found[i, 0] - result[1]) ** 2
+    result[2] = result[2] / (result[0] - 1) if result[0] > 1 else 0.0
+
+
+@compiled(nogil=True)
+def two_surfaces(found, count, beside, number, gap, one, other):
+    """The surface of the cloud after at the core point, and its counterpart; ``other[0]`` is 0 where it has none.
+
+    found[:count], beside[:number]: points of the clouds after and before in the cylinder.  one, other: results, as
+    :func:`between`.  Where both clouds together have no gap between them, both surfaces are the points of that run, so that a
+    rough surface is divided in both clouds alike.  Else the counterpart is the nearest run of the cloud before, unless that is
+    nearer to another run of the cloud after.
+    """
+    after, before = np.sort(found[:count, 0]), np.sort(beside[:number, 0])
+    nearest = after[np.argmin(np.abs(after))]
+    low, high = run_around(np.sort(np.concatenate((after, before))), nearest, gap)
+    between(found, count, low, high, one)
+    between(beside, number, low, high, other)
+    if other[0] >= LEAST:
+        return
+    low, high = run_around(before, one[1], gap)
+    between(beside, number, low, high, other)
+    low, high = run_around(after, other[1], gap)
+    if (low > nearest or high < nearest) and np.sum((after >= low) & (after <= high)) >= LEAST:
+        other[0] = 0.0
 
 
 @compiled(nogil=True)
@@ -123,7 +151,7 @@ def m3c2_at(places, scale, diameter, depth, noise, after, before, distance, unce
     noise: standard deviation, the larger one of both clouds.  after, before: ``Cells.search`` of both.
     """
     plane, one, other = np.empty((5, 3)), np.empty(6), np.empty(6)
-    found = np.empty((256, 4))
+    found, beside = np.empty((256, 4)), np.empty((256, 4))
     for i in range(begin, end):
         distance[i] = np.nan
         uncertainty[i] = np.nan
@@ -146,11 +174,10 @@ def m3c2_at(places, scale, diameter, depth, noise, after, before, distance, unce
             found, count = in_cylinder(x, y, z, nx, ny, nz, radius, depth, found, *after)
             if count < LEAST:
                 continue
-            one_surface(found, count, 0.0, gap, one)
-            found, count = in_cylinder(x, y, z, nx, ny, nz, radius, depth, found, *before)
-            if count < LEAST:
+            beside, number = in_cylinder(x, y, z, nx, ny, nz, radius, depth, beside, *before)
+            if number < LEAST:
                 continue
-            one_surface(found, count, one[1], gap, other)
+            two_surfaces(found, count, beside, number, gap, one, other)
             few = min(one[0], other[0])
             if few < LEAST:
                 continue

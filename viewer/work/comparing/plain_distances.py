@@ -75,18 +75,20 @@ def m3c2_distances(cores: np.ndarray, after: np.ndarray, before: np.ndarray, *, 
         gap = GAP * max(noise, float(np.sqrt(variances[0])))
         for turn in range(WIDENINGS):
             radius = 0.5 * diameter * 2**turn
-            begin, surfaces = 0.0, []
+            inside = []
             for tree, cloud in zip(trees, (after, before)):
                 near = cloud[tree.query_ball_point(core, np.hypot(radius, depth))] - core
                 along = near @ normal
                 across = near - along[:, None] * normal
-                inside = (np.abs(along) <= depth) & (np.linalg.norm(across, axis=1) <= radius)
-                if inside.sum() < LEAST:
-                    break
-                surfaces.append(_one_surface(along[inside], across[inside], begin, gap))
-                begin = surfaces[-1][1]
-            if len(surfaces) < 2 or min(surfaces[0][0], surfaces[1][0]) < LEAST:
+                held = (np.abs(along) <= depth) & (np.linalg.norm(across, axis=1) <= radius)
+                inside.append((along[held], across[held]))
+            if min(len(along) for along, _ in inside) < LEAST:
                 continue
+            runs = _two_runs(inside[0][0], inside[1][0], gap)
+            if runs is None or min(run.sum() for run in runs) < LEAST:
+                continue
+            surfaces = [(int(run.sum()), float(along[run].mean()), float(along[run].var(ddof=1)), across[run].mean(axis=0))
+                        for run, (along, across) in zip(runs, inside)]
             (n, mean, spread, middle), (m, other_mean, other_spread, other_middle) = surfaces
             if np.linalg.norm(middle - other_middle) > LATERAL * radius:
                 continue
@@ -99,12 +101,26 @@ def m3c2_distances(cores: np.ndarray, after: np.ndarray, before: np.ndarray, *, 
     return distance, level, normals, counts
 
 
-def _one_surface(along: np.ndarray, across: np.ndarray, begin: float, gap: float) -> tuple[int, float, float, np.ndarray]:
-    """Number, mean and variance along the axis, and middle across it, of the surface nearest to ``begin``: sorted along the
-    axis, its points have no gaps."""
-    order = np.argsort(along)
-    along, across = along[order], across[order]
-    runs = np.split(np.arange(len(along)), np.flatnonzero(np.diff(along) > gap) + 1)
-    nearest = int(np.argmin(np.abs(along - begin)))
-    run = next(run for run in runs if nearest in run)
-    return len(run), float(along[run].mean()), float(along[run].var(ddof=1)) if len(run) > 1 else 0.0, across[run].mean(axis=0)
+def _two_runs(after: np.ndarray, before: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Which places along the axis, (n,) and (m,) bool, are those of the surface at the core point and of its counterpart; None
+    where it has none.  See m3c2_kernels.two_surfaces."""
+    nearest = after[np.argmin(np.abs(after))]
+    low, high = _run(np.concatenate([after, before]), nearest, gap)
+    one, other = (after >= low) & (after <= high), (before >= low) & (before <= high)
+    if other.sum() >= LEAST:
+        return one, other
+    low, high = _run(before, after[one].mean(), gap)
+    other = (before >= low) & (before <= high)
+    low, high = _run(after, before[other].mean(), gap)
+    if not low <= nearest <= high and ((after >= low) & (after <= high)).sum() >= LEAST:
+        return None
+    return one, other
+
+
+def _run(along: np.ndarray, begin: float, gap: float) -> tuple[float, float]:
+    """Ends of the run without gaps that holds the place nearest to ``begin``."""
+    along = np.sort(along)
+    runs = np.split(along, np.flatnonzero(np.diff(along) > gap) + 1)
+    nearest = along[np.argmin(np.abs(along - begin))]
+    run = next(run for run in runs if run[0] <= nearest <= run[-1])
+    return float(run[0]), float(run[-1])

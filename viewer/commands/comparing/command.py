@@ -1,0 +1,98 @@
+"""``pointglass compare``: how far the surfaces of one scan lie from those of an earlier one, with the uncertainty of each."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from ...common.errors import InputError
+from ...common.files import out_folder, write_together
+from ...common.replaced_files import replaced_told
+from ...common.text import counted
+from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from ...work.comparing.compare import METHODS, Distances, compare
+from ...work.comparing.distance_statistics import Statistics, statistics_of
+from ...work.comparing.facing import TEXTS, facing_of
+from ...work.measuring.measure_text import unit_name
+from ..options import add_columns
+from . import distances_csv, distances_laz, distances_picture
+from .read_cloud import Cloud, check_together, opened, read_cloud
+
+FILES = (distances_laz.NAME, distances_csv.NAME, distances_picture.NAME)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """All options."""
+    parser.add_argument("before", type=Path, metavar="BEFORE", help="the scan with which the other one is compared: "
+                        f"{KNOWN_FILES} file, {KNOWN_FOLDERS} folder, or a folder of scans")  # fmt: skip
+    parser.add_argument("after", type=Path, metavar="AFTER",
+                        help="the scan whose points get distances; both must have the same coordinates")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR",
+                        help=f"folder for {FILES[0]} (points of AFTER with distance and uncertainty), {FILES[1]} (statistics, "
+                             f"histogram) and {FILES[2]}")
+    texts = "; ".join(f"{name}: {text}" for name, text in METHODS.items())
+    parser.add_argument("--method", choices=list(METHODS), default="m3c2", help=f"{texts} (default m3c2)")
+    parser.add_argument("--registration", type=float, default=0.0, metavar="E",
+                        help="uncertainty (95 %%) of how both scans lie to each other, in their unit; it is added to that of "
+                             "each distance (default 0)")
+    parser.add_argument("--range", type=float, metavar="R", dest="limit",
+                        help="the colours end at distances of -R and R, in the unit of the scans (default: chosen by the "
+                             "changes)")
+    add_columns(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command.  Returns the exit code."""
+    for name, value, least in (("--registration", options.registration, 0.0), ("--range", options.limit, None)):
+        if value is not None and not (np.isfinite(value) and (value > 0 or value == least)):
+            raise InputError("expected a length in the unit of the scans", option=name, value=value)
+    paths = options.before, options.after
+    (sources, meta), (other_sources, other_meta) = (opened(path, options.columns) for path in paths)
+    for line in check_together(options.before, meta, options.after, other_meta):
+        print(f"pointglass: {line}", file=sys.stderr)
+    _refuse_own_files(options.out, [Path(name) for name in (*meta.sources, *other_meta.sources)])
+    with out_folder(options.out):  # before minutes of work
+        before, after = read_cloud(options.before, sources, meta), read_cloud(options.after, other_sources, other_meta)
+        distances = compared(before, after, method=options.method, registration=options.registration)
+        found = statistics_of(distances.distance, distances.uncertainty, options.limit)
+        unit = unit_name(other_meta.metres_per_unit or meta.metres_per_unit)
+        with replaced_told(options.out / name for name in FILES):
+            facts = before, after, distances, found, unit
+            write_together(options.out, {
+                distances_laz.NAME: lambda path: distances_laz.write_laz(path, after, distances, found.limit),
+                distances_csv.NAME: lambda path: distances_csv.write_csv(path, *facts),
+                distances_picture.NAME: lambda path: distances_picture.write_picture(path, *facts),
+            })
+    for line in report_lines(distances, found, unit):
+        print(line)
+    print(f"{', '.join(FILES)} in {options.out}")
+    return 0
+
+
+def compared(before: Cloud, after: Cloud, *, method: str, registration: float) -> Distances:
+    """Distances of one scan's points from the other one.  Raises InputError naming what cannot be compared; Cancelled."""
+    facing = facing_of(before.xyz, before.places, after.places) if len(before.xyz) else None
+    if facing is None:
+        raise InputError("holds no points", file=before.path)
+    return compare(before.xyz, after.xyz, facing, method=method, station=after.station, registration=registration)
+
+
+def report_lines(distances: Distances, found: Statistics, unit: str) -> list[str]:
+    """What is printed: counts, the median change, and what is changed for certain."""
+    factor, shown = distances_picture.shown_unit(found.limit, unit)
+    lines = [f"{counted(found.known, 'point')} compared, {found.count - found.known:,} without a counterpart"]
+    if found.known:
+        lines.append(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "
+                     f"uncertainty ± {found.uncertainty * factor:.3g} {shown} (median, 95 %)")
+        lines.append(f"{100 * found.changed / found.known:.3g} % changed by more than their uncertainty; "
+                     f"positive is {TEXTS[distances.rule]}")
+    return lines
+
+
+def _refuse_own_files(out: Path, sources: list[Path]) -> None:
+    """Raises InputError where a scan that is read would be replaced."""
+    for source in sources:
+        for name in FILES:
+            if (out / name).exists() and source.exists() and (out / name).samefile(source):
+                raise InputError("is one of the scans that are compared", file=out / name, remedy="choose another --out")

@@ -1,0 +1,133 @@
+"""``distances.png``: maps of the change from above and from two sides, the histogram, and what a reader needs to judge them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...common.progress import progress
+from ...common.text import counted
+from ...work.comparing.compare import Distances
+from ...work.comparing.distance_statistics import NO_COUNTERPART, RAMP, Statistics
+from ...work.comparing.facing import TEXTS
+from .change_map import VIEWS, change_map
+from .read_cloud import Cloud
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NAME = "distances.png"
+_SIZE, _DPI = (16.0, 10.0), 120
+"""Inches, and pixels an inch: 1920 x 1200."""
+_INK, _QUIET = "#16191d", "#6a7078"
+_RESERVE = 0.01
+"""Share of an axis that is left free."""
+_METHODS = {"m3c2": "M3C2: means of both scans in a cylinder along the local normal",
+            "c2c": "cloud to cloud: each point to the local plane of the scan before"}  # fmt: skip
+
+
+def write_picture(path: Path, before: Cloud, after: Cloud, distances: Distances, found: Statistics, unit: str) -> None:
+    """unit: of both scans, a name."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=_SIZE, dpi=_DPI, facecolor="white")
+    FigureCanvasAgg(figure)
+    factor, shown = shown_unit(found.limit, unit)
+    with progress(len(VIEWS) + 1, f"drawing {NAME}") as meter:
+        _maps(figure, after, distances, found, meter)
+        _histogram(figure.add_axes((0.69, 0.49, 0.285, 0.36)), found, factor, shown)
+        meter.update(1)
+    _texts(figure, before, after, distances, found, factor, shown)
+    figure.savefig(path, format="png", dpi=_DPI)
+
+
+def shown_unit(limit: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which distances are shown: millimetres for metres where the limit is below 0.1 m."""
+    return (1000.0, "mm") if unit == "m" and limit < 0.1 else (1.0, unit)
+
+
+def _maps(figure: "Figure", after: Cloud, distances: Distances, found: Statistics, meter: Any) -> None:
+    """The maps with one scale between them where they fit: that from above is the largest."""
+    places = {"from above": (0.045, 0.40, 0.60, 0.50), "front (looking along y)": (0.045, 0.06, 0.29, 0.28),
+              "side (looking along x)": (0.365, 0.06, 0.29, 0.28)}  # fmt: skip
+    for title, axes in VIEWS.items():
+        made = change_map(after.xyz, distances.distance, distances.uncertainty, axes, distances.after.spacing, found.limit)
+        page = figure.add_axes(places[title])
+        page.imshow(made.rgb, extent=(made.left, made.right, made.bottom, made.top), interpolation="nearest", aspect="equal")
+        page.set_title(title, fontsize=10, color=_INK, loc="left")
+        page.tick_params(labelsize=7, colors=_QUIET)
+        page.ticklabel_format(useOffset=False, style="plain")
+        page.locator_params(nbins=6)
+        for spine in page.spines.values():
+            spine.set_color("#c9cdd2")
+        meter.update(1)
+
+
+def _histogram(page: Any, found: Statistics, factor: float, unit: str) -> None:
+    """Bars in the colours of the maps, the share of each; dashed: the median uncertainty."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    colours = LinearSegmentedColormap.from_list("distance", RAMP / 255)
+    edges, total = found.edges * factor, max(found.known, 1)
+    middles = (edges[:-1] + edges[1:]) / 2
+    share = 100 * found.bins[1:-1] / total
+    page.bar(middles, share, width=np.diff(edges), color=colours((middles / edges[-1] + 1) / 2), edgecolor="#9aa0a6",
+             linewidth=0.4)  # fmt: skip
+    if np.isfinite(found.uncertainty):
+        for side in (-1, 1):
+            page.axvline(side * found.uncertainty * factor, color=_INK, linestyle=(0, (4, 3)), linewidth=0.9)
+    page.set_xlim(edges[0], edges[-1])
+    page.set_ylim(0, max(float(share.max(initial=0.0)) * 1.08, 1.0))
+    page.set_xlabel(f"distance after - before, {unit}", fontsize=9, color=_INK)
+    page.set_ylabel("points with a distance, %", fontsize=9, color=_INK)
+    page.tick_params(labelsize=8, colors=_QUIET)
+    for side in ("top", "right"):
+        page.spines[side].set_visible(False)
+    bar = page.inset_axes((0, -0.29, 1, 0.05))
+    bar.imshow(colours(np.linspace(0, 1, 256))[None], aspect="auto", extent=(edges[0], edges[-1], 0, 1))
+    bar.set_yticks([])
+    ticks = [edges[0], edges[0] / 2, 0.0, edges[-1] / 2, edges[-1]]
+    bar.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    bar.tick_params(labelsize=8, colors=_QUIET)
+
+
+def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, found: Statistics, factor: float,
+           unit: str) -> None:  # fmt: skip
+    def length(value: float) -> str:
+        return f"{value * factor:.3g} {unit}" if np.isfinite(value) else "-"
+
+    def share(part: int, whole: int) -> str:
+        return f"{100 * part / whole:.3g} %" if whole else "-"
+
+    figure.text(0.045, 0.955, f"{after.name}  compared with  {before.name}", fontsize=15, color=_INK, weight="bold",
+                parse_math=False)  # fmt: skip
+    figure.text(0.045, 0.93, _METHODS[distances.method], fontsize=10, color=_QUIET)
+    beyond = int(found.bins[0] + found.bins[-1])
+    rows = [
+        ("median", length(found.median)), ("mean", length(found.mean)), ("standard deviation", length(found.sd)),
+        ("5 % to 95 % of the points", f"{length(found.quantiles[1])} to {length(found.quantiles[5])}"),
+        ("median uncertainty, 95 % (dashed)", f"± {length(found.uncertainty)}"),
+        ("changed by more than their uncertainty", share(found.changed, found.known)),
+        ("beyond the ends of the colours", share(beyond, found.known)),
+        ("no counterpart in the scan before (grey)", share(found.count - found.known, found.count)),
+        ("points", f"{found.count:,}"),
+        ("registration error included", length(distances.registration) if distances.registration else "none was stated"),
+    ]  # fmt: skip
+    for row, (name, text) in enumerate(rows):
+        y = 0.325 - 0.0225 * row
+        figure.text(0.69, y, name, fontsize=9.5, color=_QUIET)
+        figure.text(0.975, y, text, fontsize=9.5, color=_INK, ha="right")
+    notes = [f"Positive (red): {TEXTS[distances.rule]}.",
+             "A map looks through the scan; a pixel shows the most certain change.",
+             "Coordinates along the edges are the file's."]  # fmt: skip
+    for row, note in enumerate(notes):
+        figure.text(0.69, 0.085 - 0.02 * row, note, fontsize=8.5, color=_QUIET)
+    figure.patches.append(_swatch(figure))
+    figure.text(0.69, 0.88, f"{counted(found.known, 'distance')}, colours to ± {length(found.limit)}", fontsize=11, color=_INK)
+
+
+def _swatch(figure: "Figure") -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((0.678, 0.1675), 0.007, 0.011, transform=figure.transFigure, color=np.array(NO_COUNTERPART) / 255)
