@@ -1,4 +1,5 @@
-"""Notes in a real window, by X key and pointer events: written, kept by Esc, saved, restored, and reported."""
+"""Notes in a real window, by X key and pointer events: written, kept by Esc, chosen from lists by arrow keys, saved, restored,
+and reported."""
 
 import csv
 import re
@@ -16,7 +17,7 @@ from pointglass.viewer.work.project import read_project
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 LISTED = 100, 236
 """Of the outliner: the first row below its groups' titles."""
-REPORT = 1105, 318
+STATUS, REPORT = (1150, 177), (1105, 318)
 """Of the panel with one note, at a window of 1280 x 720."""
 
 
@@ -63,21 +64,27 @@ def test_a_note_is_kept_through_escape_a_crash_and_saving_and_goes_into_every_re
     window.keys("l")
     written(window, scan, "Crack, 3 mm wide")
     window.xdo("key", "Escape")
-    time.sleep(6.0)
+    time.sleep(3.0)
     assert texts(scan) == ["Crack, 3 mm wide"], "Esc leaves the field and keeps what was typed"
     window.process.send_signal(signal.SIGKILL)
     window.ended()
     window = opened(display, scan)
     answered(window, lambda: "• room.xyz" in window.title, "the restored work")
     all_points(scan)
+    folder = scan.parents[1]
+    window.click(*LISTED)  # selects the tool and chooses the note
+    time.sleep(1.0)
+    for keys in (("Down", "Down", "Return"), ("Up", "Escape")):  # to the third of the list; Esc leaves it
+        window.click(*STATUS)
+        time.sleep(0.7)
+        for key in keys:
+            window.xdo("key", key)
+            time.sleep(0.4)
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")
     until(project.exists, "the project")
     (note,) = read_project(project).annotations
-    assert note.text == "Crack, 3 mm wide" and note.view is not None and note.made
-    folder = scan.parents[1]
-    window.click(*LISTED)  # selects the tool and chooses the note
-    time.sleep(1.0)
+    assert (note.text, note.status) == ("Crack, 3 mm wide", "done") and note.view is not None and note.made
     pages = saved_as(window, "report", folder / "r.pdf").read_bytes()
     assert pages.startswith(b"%PDF") and len(re.findall(rb"/Type /Page\b", pages)) >= 1
     issues = zipfile.ZipFile(saved_as(window, "issues", folder / "r.bcf"))
