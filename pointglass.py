@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from .viewer.commands.demo import demo_scan
     from .viewer.common.errors import DeviceError, InputError, PointglassError
     from .viewer.interface.arguments import RenderSettings
+    from .viewer.interface.compare_scans import compare
     from .viewer.interface.from_points import from_points
     from .viewer.interface.measured_points import Points
     from .viewer.interface.open_scan import Scan, open
@@ -86,17 +87,20 @@ if TYPE_CHECKING:
     from .viewer.interface.scan_photographs import Photograph
     from .viewer.picture.camera import Camera
     from .viewer.picture.provenance import PROVENANCE
+    from .viewer.work.comparing.compare import Distances
     from .viewer.work.fits.fit import Fit
 
 __all__ = [
-    "PROVENANCE", "Camera", "DeviceError", "Fit", "Frame", "InputError", "Photograph", "Picture", "PointglassError", "Points",
-    "RenderSettings", "Scan", "__version__", "demo_scan", "from_points", "look_at", "open", "read_cameras", "write_cameras",
+    "PROVENANCE", "Camera", "DeviceError", "Distances", "Fit", "Frame", "InputError", "Photograph", "Picture",
+    "PointglassError", "Points", "RenderSettings", "Scan", "__version__", "compare", "demo_scan", "from_points", "look_at",
+    "open", "read_cameras", "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
     "picture.camera": ["Camera"],
     "common.errors": ["DeviceError", "InputError", "PointglassError"],
     "interface.arguments": ["RenderSettings"],
+    "interface.compare_scans": ["compare"],
     "interface.from_points": ["from_points"],
     "interface.measured_points": ["Points"],
     "interface.open_scan": ["Scan", "open"],
@@ -105,6 +109,7 @@ _MODULES = {
     "interface.place_camera": ["look_at", "read_cameras", "write_cameras"],
     "commands.demo": ["demo_scan"],
     "picture.provenance": ["PROVENANCE"],
+    "work.comparing.compare": ["Distances"],
     "work.fits.fit": ["Fit"],
 }
 """Module below viewer -> what is imported from it when it is first asked for: the command line starts without NumPy."""

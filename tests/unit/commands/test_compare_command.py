@@ -72,7 +72,8 @@ def test_points_table_and_picture_show_a_lifted_quarter(scans, method, capsys):
     inside = np.abs(distance - 0.005 * lifted) <= np.array(made.uncertainty)
     assert inside[lifted | still].mean() == pytest.approx(0.95, abs=0.04)
     rgb = np.stack([made.red, made.green, made.blue], axis=1)[lifted | alone | still] // 257
-    expected = colours_of(distance, statistics_of(distance.astype(float), np.array(made.uncertainty, float)).limit)
+    unsure = np.array(made.uncertainty, float)
+    expected = colours_of(distance, unsure, statistics_of(distance.astype(float), unsure).limit)
     assert (np.abs(rgb.astype(int) - expected[lifted | alone | still]).max(axis=1) <= 2).mean() > 0.98
     facts = table(out / "distances.csv")
     assert facts["comparison"]["method"] == method
@@ -95,6 +96,8 @@ def test_the_statistics_count_every_point(seed):
     assert found.bins.sum() == found.known == np.isfinite(distance).sum()
     assert found.changed == (np.abs(distance) > uncertainty).sum()
     assert found.median == pytest.approx(np.nanmedian(distance))
+    sure, unsure = colours_of(np.array([0.01, 0.01]), np.array([0.001, 0.05]), 0.01).astype(int)
+    assert abs(unsure[0] - unsure[2]) < 40 < 60 < abs(sure[0] - sure[2])  # pale
     nothing = statistics_of(np.full(10, np.nan), np.full(10, np.nan))
     assert nothing.known == 0 and np.isnan(nothing.mean)
 

@@ -53,20 +53,20 @@ def change_map(xyz: np.ndarray, distance: np.ndarray, uncertainty: np.ndarray, a
     everything, unknown = (np.bincount(at[mask], minlength=width * height) for mask in (slice(None), ~known))
     slices = int(np.clip(extent[along] / pixel, 1, _SLICES))
     deep = np.minimum((xyz[known, along] - low[along]) / extent[along] * slices, slices - 1).astype(np.int64)
-    values = np.full(width * height, np.nan)
+    values = np.full((2, width * height), np.nan)
     _largest(at[known] * slices + deep, distance[known], uncertainty[known], slices, values)
     rgb = np.empty((width * height, 3), np.uint8)
     rgb[:] = _BACKGROUND
-    shown = np.isfinite(values)
-    rgb[shown] = colours_of(values[shown], limit)
+    shown = np.isfinite(values[0])
+    rgb[shown] = colours_of(values[0, shown], values[1, shown], limit)
     rgb[unknown > _MOSTLY * np.maximum(everything, 1)] = NO_COUNTERPART
     return ChangeMap(rgb.reshape(height, width, 3), float(low[across]), float(low[across] + width * pixel), float(low[up]),
                      float(low[up] + height * pixel))  # fmt: skip
 
 
 def _largest(key: np.ndarray, distance: np.ndarray, uncertainty: np.ndarray, slices: int, values: np.ndarray) -> None:
-    """Sets ``values`` of each pixel, key // slices, to the mean distance of the slice where it exceeds the mean uncertainty
-    most; where it does nowhere, of the slice with the smallest uncertainty."""
+    """Sets ``values`` (2, pixels), mean distance and uncertainty, of each pixel, key // slices: those of the slice whose
+    distance exceeds its uncertainty most, or, where none does, of the slice with the smallest uncertainty."""
     if not len(key):
         return
     order = np.argsort(key)
@@ -76,4 +76,4 @@ def _largest(key: np.ndarray, distance: np.ndarray, uncertainty: np.ndarray, sli
     mean, unsure = (np.add.reduceat(each[order], first) / counts for each in (distance, uncertainty))
     beyond = np.abs(mean) - unsure
     by_size = np.argsort(np.where(beyond > 0, beyond, -unsure), kind="stable")
-    values[(key[first] // slices)[by_size]] = mean[by_size]  # the last one stays
+    values[:, (key[first] // slices)[by_size]] = mean[by_size], unsure[by_size]  # the last one stays

@@ -46,7 +46,7 @@ def write_laz(path: Path, cloud: Cloud, distances: Distances, limit: float) -> N
             points = laspy.ScaleAwarePointRecord.zeros(rows.stop - rows.start, header=header)
             steps = np.rint((cloud.xyz[rows] - header.offsets) / header.scales).astype(np.int32)
             points["X"], points["Y"], points["Z"] = steps.T
-            colours = colours_of(distances.distance[rows], limit).astype(np.uint16) * 257
+            colours = colours_of(distances.distance[rows], distances.uncertainty[rows], limit).astype(np.uint16) * 257
             points["red"], points["green"], points["blue"] = colours.T
             if chunk.intensity is not None:
                 points["intensity"] = chunk.intensity[finite]

@@ -120,7 +120,7 @@ def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, 
         figure.text(0.975, y, text, fontsize=9.5, color=_INK, ha="right")
     notes = [f"Positive (red): {TEXTS[distances.rule]}.",
              "A map looks through the scan; a pixel shows the most certain change.",
-             "Coordinates along the edges are the file's."]  # fmt: skip
+             "Pale: an uncertainty of more than half the range. Coordinates are the file's."]  # fmt: skip
     for row, note in enumerate(notes):
         figure.text(0.69, 0.085 - 0.02 * row, note, fontsize=8.5, color=_QUIET)
     figure.patches.append(_swatch(figure))

@@ -64,7 +64,8 @@ def scale_of(xyz: np.ndarray) -> CloudScale:
     rng = np.random.default_rng(0)
     spacings, noises = [], []
     for cell in rng.choice(len(cells.keys), min(_PLACES, len(cells.keys)), replace=False):
-        place = cells.points[rng.integers(cells.first[cell], cells.first[cell + 1])]
+        inside = cells.points[cells.first[cell] : cells.first[cell + 1]]
+        place = inside[((inside - inside.mean(axis=0)) ** 2).sum(axis=1).argmin()]
         near = cells.around(place)
         if len(near) < _NEIGHBOURS + 1:
             continue

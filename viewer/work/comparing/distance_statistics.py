@@ -19,6 +19,8 @@ _STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0)
 RAMP = np.array([(5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240), (240, 240, 238),
                  (253, 219, 199), (244, 165, 130), (214, 96, 77), (178, 24, 43), (103, 0, 31)], np.float64)  # fmt: skip
 """sRGB from the lowest to the highest distance: RdBu of ColorBrewer (Brewer 2003), blue for negative, its middle less white."""
+FADED = 0.5
+"""Uncertainty, as a share of the colours' limit, above which a distance is drawn paler: on edges and in leaves."""
 NO_COUNTERPART = (96, 96, 104)
 """sRGB of points without a distance."""
 
@@ -79,10 +81,13 @@ def colour_limit(distance: np.ndarray, uncertainty: np.ndarray) -> float:
     return float(power * next(step for step in _STEPS if step * power >= wanted * (1 - 1e-9)))
 
 
-def colours_of(distance: np.ndarray, limit: float) -> np.ndarray:
-    """(n, 3) uint8 of (n,) distances; what lies beyond the limit has the colour of its end."""
+def colours_of(distance: np.ndarray, uncertainty: np.ndarray, limit: float) -> np.ndarray:
+    """(n, 3) uint8 of (n,) distances; what lies beyond the limit has the colour of its end.  Distances whose uncertainty is
+    above FADED of the limit are paler: they have the colour of a smaller distance, in proportion."""
     known = np.isfinite(distance)
-    at = (np.clip(np.where(known, distance, 0.0) / limit, -1, 1) + 1) / 2 * (len(RAMP) - 1)
+    share = np.clip(np.where(known, distance, 0.0) / limit, -1, 1)
+    share *= np.minimum(FADED * limit / np.maximum(np.where(known, uncertainty, 0.0), 1e-300), 1.0)
+    at = (share + 1) / 2 * (len(RAMP) - 1)
     low = np.minimum(at.astype(np.int64), len(RAMP) - 2)
     share = (at - low)[:, None]
     rgb = np.rint(RAMP[low] * (1 - share) + RAMP[low + 1] * share).astype(np.uint8)

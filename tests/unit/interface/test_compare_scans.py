@@ -1,0 +1,70 @@
+"""``pointglass.compare``: arrays and open scans, in their order, and what it refuses."""
+
+import numpy as np
+import pytest
+
+import pointglass
+
+
+def floor(random, count: int = 20_000) -> np.ndarray:
+    return np.c_[random.uniform(0, 1, (count, 2)), random.normal(0, 0.002, count)] + (500.0, 200.0, 30.0)
+
+
+def assert_alike(one: np.ndarray, other: np.ndarray) -> None:
+    """The order of points decides which of two in a cell is its core point."""
+    assert (np.isfinite(one) == np.isfinite(other)).mean() > 0.999
+    assert np.nanquantile(np.abs(one - other), 0.98) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["m3c2", "c2c"])
+def test_arrays_and_scans_have_the_same_distances_in_their_order(seed, method):
+    random = np.random.default_rng(seed)
+    before, after = floor(random), floor(random)
+    after[after[:, 0] > 500.5, 2] += 0.01
+    found = pointglass.compare(before, after, method=method)
+    moved = after[:, 0] > 500.53
+    assert np.nanmedian(found.distance[moved]) == pytest.approx(0.01, abs=3e-4)
+    assert abs(np.nanmedian(found.distance[after[:, 0] < 500.47])) < 3e-4
+    black = np.zeros((len(after), 3), np.uint8)
+    with pointglass.from_points(after, black) as scan:
+        again = pointglass.compare(before, scan, method=method)
+        order = np.lexsort(after.T), np.lexsort(scan.points.xyz.T)
+        assert_alike(again.distance[order[1]], found.distance[order[0]])
+    below = pointglass.from_points(after, black, stations=[[500.5, 200.5, 20.0]])
+    with below:
+        turned = pointglass.compare(before, below, method=method)
+        assert_alike(turned.distance[order[1]], -found.distance[order[0]])
+
+
+def test_points_that_are_not_finite_have_no_distance_and_registration_is_added(seed):
+    random = np.random.default_rng(seed)
+    before, after = floor(random), floor(random)
+    gaps = random.random(len(after)) < 0.1
+    after[gaps, 1] = np.nan
+    found = pointglass.compare(before, after)
+    assert np.isnan(found.distance[gaps]).all() and np.isfinite(found.distance[~gaps]).mean() > 0.99
+    more = pointglass.compare(before, after, registration=0.003)
+    np.testing.assert_allclose(more.uncertainty, found.uncertainty + 0.003)
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (lambda xyz: ((xyz[:, :2], xyz), {}), r"before: expected an open scan or \(N, 3\) coordinates"),
+    (lambda xyz: (("house.e57", xyz), {}), "before: expected an open scan"),
+    (lambda xyz: ((xyz, xyz), {"method": "icp"}), "method 'icp': expected one of m3c2, c2c"),
+    (lambda xyz: ((xyz, xyz), {"registration": -1}), "registration -1: expected a length"),
+    (lambda xyz: ((xyz, xyz + 9), {}), "do not overlap"),
+    (lambda xyz: ((xyz[:0], xyz), {}), "before"),
+])
+def test_what_does_not_fit_is_refused_by_name(given, said, seed):
+    arguments, named = given(floor(np.random.default_rng(seed), 500))
+    with pytest.raises(pointglass.InputError, match=said):
+        pointglass.compare(*arguments, **named)
+
+
+def test_scans_of_other_units_are_refused(seed):
+    xyz = floor(np.random.default_rng(seed), 500)
+    rgb = np.zeros((500, 3), np.uint8)
+    with pointglass.from_points(xyz, rgb, metres_per_unit=1.0) as one, \
+            pointglass.from_points(xyz, rgb, metres_per_unit=0.3048) as other, \
+            pytest.raises(pointglass.InputError, match="before is in"):  # fmt: skip
+        pointglass.compare(one, other)

@@ -1,0 +1,90 @@
+"""What changed between two scans, from Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..common.errors import InputError
+from ..preprocess.scan_description import NO_DESCRIPTION, ScanDescription
+from .arguments import python_names
+
+if TYPE_CHECKING:
+    from ..work.comparing.compare import Distances
+    from .open_scan import Scan
+
+
+def compare(
+    before: Scan | npt.ArrayLike,
+    after: Scan | npt.ArrayLike,
+    *,
+    method: Literal["m3c2", "c2c"] = "m3c2",
+    registration: float = 0.0,
+) -> Distances:
+    """How far the points of ``after`` lie from the surfaces of ``before``, and how uncertain each distance is.
+
+    before, after: open scans, or (N, 3) and (M, 3) coordinates; both in one frame and unit.
+    method: "m3c2", the difference between the means of both scans in a cylinder along the local normal (Lague, Brodu and Leroux
+        2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c", each point to the
+        local plane of ``before``: every point has its own distance, with its noise.
+    registration: uncertainty (95 %) of how both lie to each other, in their unit; it is added to that of each distance.
+
+    Returns ``distance`` and ``uncertainty`` (half the 95 % interval), (M,) float64 in the unit of the coordinates, one for each
+    point of ``after``: of a scan in the order of ``after.points``.  Both are NaN where ``before`` has no surface, and for
+    points that are not finite.  Positive is towards the scanner where positions are known, else up, and at walls away from the
+    middle of ``before``.
+
+    Raises InputError where units or reference systems differ, or there are too few points.
+
+    >>> import numpy as np, pointglass
+    >>> rng = np.random.default_rng(1)
+    >>> floor, later = (np.c_[rng.uniform(0, 1, (40_000, 2)), rng.normal(0, 0.002, 40_000)] for _ in range(2))
+    >>> later[later[:, 0] > 0.5, 2] += 0.002
+    >>> found = pointglass.compare(floor, later)
+    >>> float(np.median(found.distance[later[:, 0] > 0.55]).round(3)), float(np.median(found.uncertainty).round(3))
+    (0.002, 0.001)
+    """
+    from ..commands.comparing.read_cloud import check_together
+    from ..work.comparing.compare import METHODS, Distances
+    from ..work.comparing.compare import compare as distances_of
+    from ..work.comparing.facing import facing_of
+
+    with python_names():
+        if method not in METHODS:
+            raise InputError(f"expected one of {', '.join(METHODS)}", option="method", value=method)
+        if not (np.isfinite(registration) and registration >= 0):
+            raise InputError("expected a length, 0 or more", option="registration", value=registration)
+        one, places, _, meta = _cloud("before", before)
+        other, own_places, station, other_meta = _cloud("after", after)
+        check_together(Path("before"), meta, Path("after"), other_meta)
+        if not len(one):
+            raise InputError("holds no points", option="before")
+        finite = np.isfinite(other).all(axis=1)
+        found = distances_of(one, other[finite], facing_of(one, places, own_places), method=method,
+                             station=None if station is None else station[finite], registration=registration)
+        whole = np.full((2, len(other)), np.nan)
+        whole[:, finite] = found.distance, found.uncertainty
+        return Distances(whole[0], whole[1], found.method, found.sizes, found.before, found.after, found.cores,
+                         found.registration, found.rule)  # fmt: skip
+
+
+def _cloud(name: str, given: Scan | npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, ScanDescription]:
+    """Points, of ``before`` the finite ones; places of stations; the station of each point; what is known of the scan."""
+    from .open_scan import Scan
+
+    if isinstance(given, Scan):
+        points = given.points
+        return points.xyz, given.stations, points.station if len(given.stations) else None, given._open.meta
+    try:
+        xyz = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        xyz = np.empty(0)
+    if xyz.shape[1:] != (3,):
+        raise InputError(f"{name}: expected an open scan or (N, 3) coordinates",
+                         remedy="open a file first, with pointglass.open")
+    if name == "before":
+        xyz = xyz[np.isfinite(xyz).all(axis=1)]
+    return xyz, np.zeros((0, 3)), None, NO_DESCRIPTION
