@@ -60,7 +60,9 @@ def random_document(random, scans: list[str]) -> Document:
         return MeasuredPoint(vector(random.uniform(-1e6, 1e6, 3)), float(random.random()), float(random.random()), "scan é 1")
 
     def points(kind: str) -> tuple[MeasuredPoint, ...]:
-        return tuple(replace(point(), fit=fit) for fit in random_fits(random, kind))
+        found = [replace(point(), fit=fit) for fit in random_fits(random, kind)]
+        return tuple(item if item.fit or random.random() < 0.5 else replace(item, beyond=vector(random.normal(size=3)))
+                     for item in found)
 
     kinds = list(KINDS)
     measurements = [Measurement(kind, points(kind), f"M {i}")

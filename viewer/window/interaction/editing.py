@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.errors import PointglassError
-from ...picture.clip import contains
+from ...picture.clip import contains, vector
 from ...preprocess.scan_description import ScanDescription
+from ...work.fits.measured import in_scene
+from ...work.fits.silhouette import beyond_silhouette
 from ...work.measuring.measure_text import unit_name
 from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
@@ -133,8 +135,12 @@ class Pointing:
 
 
 def measured_point(context: "ToolContext", picked: Picked) -> MeasuredPoint:
-    """A picked point with the spacing and noise of the surface around it."""
-    assert context.scene is not None
-    around = surface_around(context.scene, picked.position)
-    spacing = around.spacing if np.isfinite(around.spacing) else context.scene.spacing
-    return MeasuredPoint(picked.position, spacing, around.noise, picked.station)
+    """A picked point with the spacing and noise of the surface around it, and how far that may go on where the camera sees its
+    silhouette there."""
+    scene, place = context.scene, np.array(picked.position)
+    assert scene is not None
+    around = surface_around(scene, picked.position)
+    spacing = around.spacing if np.isfinite(around.spacing) else scene.spacing
+    beyond = beyond_silhouette(in_scene(scene, place, drawn_points(context)), spacing, place - context.camera.position)
+    return MeasuredPoint(picked.position, spacing, around.noise, picked.station,
+                         beyond=None if beyond is None else vector(beyond))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .measure_shapes import shapes_of
-from .measure_text import unit_name, value_text
+from .measure_text import silhouette_text, unit_name, value_text
 from .measurement import Measurement
 from .values import components, evaluate
 
@@ -37,6 +37,8 @@ def _feature(measurement: Measurement, unit: str) -> dict[str, Any]:
     }  # fmt: skip
     if (parts := components(measurement)) is not None:
         facts |= {"horizontal": parts.horizontal, "vertical": parts.vertical, **dict(zip(("dx", "dy", "dz"), parts.along))}
+    if about := silhouette_text(measurement):
+        facts["note"] = about
     if (fit := measurement.fit) is not None:
         facts |= {"direction": list(fit.direction), "scatter": fit.sigma, "points": fit.count}
     return {"type": "Feature", "geometry": _geometry(measurement), "properties": facts}

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Iterable
 
 from ...common.text import exact_text
@@ -14,8 +15,10 @@ OF_FIT = ("place_x", "place_y", "place_z", "direction_x", "direction_y", "direct
 """Of the surface fitted at a point: a place on the plane or on the axis, and its normal or the direction of the axis."""
 FOUND = ("found_x", "found_y", "found_z")
 """The place that a measurement has found, of a corner; it has no value then."""
+SILHOUETTE = "beyond"
+"""Of a point on a silhouette: how far the contour may lie beyond it."""
 COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan",
-           *PARTS, *OF_FIT, *FOUND)
+           *PARTS, *OF_FIT, *FOUND, SILHOUETTE)
 
 
 def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
@@ -40,6 +43,7 @@ def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None)
                 *head[:2], *(head[2:] if first else [""] * 4), number, *map(exact_text, point.position),
                 exact_text(point.spacing), exact_text(point.noise), point.scan, *(of_it if first else [""] * len(of_it)),
                 *_of_fit(point), *(found if first else [""] * len(found)),
+                "" if point.beyond is None else exact_text(math.hypot(*point.beyond)),
             ])  # fmt: skip
     return out.getvalue()
 

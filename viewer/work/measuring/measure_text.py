@@ -59,6 +59,15 @@ def components_text(parts: Components, unit: str) -> str:
     return f"horizontal {horizontal}, vertical {vertical} {unit}\ndx {dx}, dy {dy}, dz {dz} {unit}"
 
 
+def silhouette_text(measurement: Measurement) -> str:
+    """What is said of a measurement with points on a silhouette; "" of others."""
+    on_it = sum(point.beyond is not None for point in measurement.points)
+    if not on_it:
+        return ""
+    which = "" if on_it == len(measurement.points) else "one point " if on_it == 1 else f"{on_it} points "
+    return f"{which}on a silhouette: less exact{'; Pipe fits the diameter' if measurement.kind == 'distance' else ''}"
+
+
 def fit_text(measurement: Measurement, unit: str) -> str:
     """One line or two about fitted surfaces; "" of other kinds."""
     if not measurement.fits:

@@ -71,13 +71,15 @@ class MeasuredPoint:
     """A point of a measurement.  position: file coordinates of a measured point, as in the file; the grid's
     (viewer.work.places.pick) until that has been read, and where it cannot be.  spacing, noise: of the points around it, file
     units; noise is the standard deviation from the local plane.  scan: where it is from, for the list.
-    fit: the surface at the point, of a measurement that fits one."""
+    fit: the surface at the point, of a measurement that fits one.  beyond: of a point on a silhouette, from it to where the
+    contour of its surface may lie (viewer.work.fits.silhouette), file units."""
 
     position: Vector
     spacing: float = 0.0
     noise: float = 0.0
     scan: str = ""
     fit: Fit | None = field(default=None, metadata=UNLESS_DEFAULT)
+    beyond: Vector | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     @property
     def variance(self) -> float:

@@ -37,7 +37,8 @@ def on_plane(point: MeasuredPoint) -> np.ndarray:
 def _point_to_plane(points: tuple[MeasuredPoint, ...]) -> Found:
     plane, place = _plane(points[0]), np.array(points[1].position)
     value = abs(float((place - np.array(plane.place)) @ np.array(plane.direction)))
-    return value, float(np.hypot(beside(plane, place), _EXPANDED * np.sqrt(points[1].variance))), None
+    short = 0.0 if points[1].beyond is None else abs(float(np.dot(points[1].beyond, plane.direction)))
+    return value, float(np.hypot(beside(plane, place), _EXPANDED * np.sqrt(points[1].variance))) + short, None
 
 
 def _plane_to_plane(points: tuple[MeasuredPoint, ...]) -> Found:

@@ -4,7 +4,9 @@ Uncertainty (GUM, JCGM 100:2008, 5.1.2): a value f of points p_i has the varianc
 snapped to stands for a place up to half the point spacing d away, evenly distributed, which has the variance d^2 / 12 along an
 axis (4.3.7); the range noise n adds n^2.  So s_i^2 = d^2 / 12 + n^2, taken to be the same in all directions, which is on the
 safe side along a surface.  d and n are measured around each point on the scan itself (viewer.work.places.pick).  What is
-stated is the expanded uncertainty with k = 2 (95 %).  Errors of the registration or of the instrument's scale are not in it.
+stated is the expanded uncertainty with k = 2 (95 %).  A point on a silhouette lies short of the contour by up to b_i, always to
+the same side (viewer.work.fits.silhouette): |df/dp_i b_i| is added to the expanded uncertainty, as of a systematic effect that
+is not corrected (F.2.4.5).  Errors of the registration or of the instrument's scale are not in it.
 Frame: file coordinates, file units; angles in degrees.
 """
 
@@ -60,7 +62,9 @@ def evaluate(measurement: Measurement) -> Result:
     else:
         value, slopes = _length(points)
     spread = COVERAGE * float(np.sqrt((np.sum(slopes**2, axis=1) * variances).sum()))
-    return Result(value, spread, power, residual)
+    short = sum(abs(float(slope @ point.beyond)) for slope, point in zip(slopes, measurement.points, strict=True)
+                if point.beyond is not None)
+    return Result(value, spread + short, power, residual)
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ def components(measurement: Measurement) -> Components | None:
     """The parts of a distance; None of other kinds.
 
     Each part changes by as much as a point moves along it (its derivative by each point has length 1), so that all have the
-    uncertainty of the distance itself.
+    uncertainty of the distance itself; of points on silhouettes, the most that any part may have.
     """
     if measurement.kind != "distance":
         return None
@@ -87,6 +91,7 @@ def components(measurement: Measurement) -> Components | None:
     way, up = second - first, np.array(measurement.up)
     vertical = float(way @ up)
     spread = COVERAGE * float(np.sqrt(sum(point.variance for point in measurement.points)))
+    spread += sum(float(np.linalg.norm(point.beyond)) for point in measurement.points if point.beyond is not None)
     dx, dy, dz = way.tolist()
     return Components((dx, dy, dz), float(np.linalg.norm(way - vertical * up)), vertical, spread)
 

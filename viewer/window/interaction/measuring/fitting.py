@@ -78,7 +78,7 @@ class Fitting:
             worker, self._worker = self._worker, None
             self._waiting.pop(0)
             if worker is None or worker.error is None:
-                return kind, replace(point, fit=worker.result if worker is not None else None)
+                return kind, replace(point, fit=worker.result, beyond=None) if worker is not None else point
             line = str(worker.error)
             context.toast(line[:1].upper() + line[1:])
         return None

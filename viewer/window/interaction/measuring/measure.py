@@ -14,7 +14,7 @@ from ....common.errors import InputError, PointglassError
 from ....common.text import counted
 from ....work.document import replaced, unique_name, without
 from ....work.measuring.measure_files import ENDINGS, write_measurements
-from ....work.measuring.measure_text import components_text, fit_text, text_of, value_text
+from ....work.measuring.measure_text import components_text, fit_text, silhouette_text, text_of, value_text
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
 from ....work.measuring.values import components, evaluate
 from ....work.places.pick import Picked
@@ -187,6 +187,8 @@ class Measure(Tool):
             context.toast(str(error))
             return
         edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
+        if about := silhouette_text(made):
+            context.toast(f"{about[:1].upper()}{about[1:]}")
 
     def hint(self, context: ToolContext) -> str:
         kind = KINDS[self.kind]
@@ -198,6 +200,8 @@ class Measure(Tool):
         if not placed:
             known = not kind.surfaces or any(item.kind == self.kind for item in context.document.measurements)
             return "" if known and context.document.measurements else click
+        if self.points and self.points[-1].beyond is not None:
+            click = f"On a silhouette: less exact{'; Pipe fits the diameter' if self.kind == 'distance' else ''}  ·  {click}"
         ends = "  ·  Enter ends" if kind.most is None and placed >= kind.fewest else ""
         return f"{click}{ends}  ·  Backspace takes one back  ·  Esc gives up"
 
@@ -261,7 +265,7 @@ class Measure(Tool):
             if ui.is_item_hovered():
                 ui.set_tooltip("Delete this measurement")
             ui.text_wrapped(value_text(item, unit_of(context)))
-            if about := fit_text(item, unit_of(context)):
+            for about in filter(None, (fit_text(item, unit_of(context)), silhouette_text(item))):
                 ui.text_wrapped(about)
             if (parts := components(item)) is not None:
                 ui.text_wrapped(components_text(parts, unit_of(context)))
