@@ -98,7 +98,7 @@ def drawn_points(context: "ToolContext") -> "Kept | None":
     scene, clips = context.scene, context.document.clips
     hidden = np.zeros(256, bool)
     if scene is not None:
-        hidden[list(scene.hidden_stations(context.document))] = True
+        hidden[list(scene.hidden_stations(context.session.work.shown_edits))] = True
     if not clips and not hidden.any():
         return None
     return lambda xyz, scans: contains(clips, xyz) & ~hidden[scans]

@@ -12,6 +12,7 @@ from .measuring.drawing import Measurements
 from .measuring.measure import Measure
 from .notes.note_markers import NoteMarkers
 from .notes.notes_tool import Notes
+from .registering.align_tool import Align
 from .scene_settings import SceneSettings
 from .section.section_tool import SectionTool
 from .stations.stations_tool import Stations
@@ -20,7 +21,7 @@ from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, Notes, ClipTool, SectionTool, Colours, Stations, WhatIsReal, Film, SceneSettings,
+    Fly, InspectPoint, Measure, Notes, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film, SceneSettings,
 )  # fmt: skip
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from ...common.rigid_transform import motion_text
 from ...preprocess.scan_description import IN_MEMORY
 from ...work.scan_files import FilePart, files_of
 from ..interaction.outline import Group, Row
@@ -27,6 +28,8 @@ _ROWS = 12
 """Rows of a group that are listed without scrolling."""
 _NAME_LETTERS = 80
 """Letters that a new name may have."""
+_MOVED = icons.ALIGN
+"""Before the name of a file that was moved."""
 _SHOW_FILE = "Show the points of this file"
 _SHARED = "This file shares its number with others in the grid: it cannot be hidden by itself"
 _SIDES = 10.0, 10.0
@@ -79,9 +82,10 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
         _files(session, actions, style, parts)
     else:
         width = imgui.get_content_region_avail().x
-        for source in sources[:_FILES]:
-            imgui.text_unformatted(fitted(Path(source).name, width))
-            hint(source, style)
+        for number, source in enumerate(sources[:_FILES]):
+            moved = f"{_MOVED} " if (motion := _motion(session, number)) else ""
+            imgui.text_unformatted(moved + fitted(Path(source).name, width - imgui.calc_text_size(moved).x))
+            hint(f"{source}\n{motion}".strip(), style)
         if len(sources) > _FILES:
             text_in(theme.DIM, f"and {len(sources) - _FILES} more")
     imgui.push_font(style.regular, theme.SMALL)
@@ -95,6 +99,13 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
     imgui.pop_font()
     if session.shown_scan.preview and session.loads.current is not None:
         small("Preview; all points follow.", style, theme.WARN)
+
+
+def _motion(session: Session, number: int) -> str:
+    """A line about how the file of this number was moved, "" where it was not."""
+    records = session.facts.records
+    rows = None if records is None else records.move_of(number)
+    return f"Moved: {motion_text(rows)}\n" if rows is not None else ""
 
 
 def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePart]) -> None:
@@ -113,9 +124,12 @@ def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePar
             if _eye("##file", on, _SHOW_FILE if part.apart else _SHARED, style, disabled=not part.apart):
                 actions.show_points_of(part, not on)
             imgui.same_line()
-            if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x), beside_buttons=True):
+            motion = _motion(session, number)
+            moved = f"{_MOVED} " if motion else ""
+            if link(moved + fitted(Path(part.path).name, imgui.get_content_region_avail().x - imgui.calc_text_size(moved).x),
+                    beside_buttons=True):
                 actions.fly_to_file(part)
-            hint(f"{part.path}\nA click flies to it", style)
+            hint(f"{part.path}\n{motion}A click flies to it", style)
             imgui.pop_id()
     if with_scroll:
         imgui.end_child()

@@ -146,17 +146,20 @@ class ScanLoads:
         self._shown = threading.Event()
         self._abandoned: list[Worker] = []
 
-    def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None) -> None:
+    def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None,
+             moves: "Moves | None" = None) -> None:
         """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
 
         as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
+        moves: transformations of the scans; None: those of what is opened.
         """
         self.cancel()
         self._asked = paths, recovered
         try:
             given = self.prepare(paths, recovered)
             colours: dict[str, Any] = {"match": False} if as_scanned else {}
-            colours |= {"moves": moves} if (moves := self.moves()) else {}
+            moves = self.moves() if moves is None else moves
+            colours |= {"moves": moves} if moves else {}
         except MissingScans as error:
             self.missing = error
             return

@@ -120,7 +120,7 @@ class Session:
     def spec(self) -> PictureSpec:
         """The description of the picture that is asked for now."""
         chosen, work = self.view_settings, self.work
-        edits = work.document.edits
+        edits = work.shown_edits
         if self.scene is None or self.scene.marked is None:  # passers-by are looked for, and shown until then
             edits = replace(edits, ghosts="shown")
         return PictureSpec(self.camera, chosen.settings, chosen.sides, edits, work.tint, chosen.background, chosen.split_at)
@@ -171,7 +171,7 @@ class Session:
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether anything visible changed."""
         moved, expired = self.flight.advance(), self.notices.expire()
-        turned, altered = self.flight.set_up(self.document.up), (self.document.edits, self.work.tint)
+        turned, altered = self.flight.set_up(self.document.up), (self.work.shown_edits, self.work.tint)
         if turned or self._followed not in (None, altered):
             self.picture.renew()  # refinement starts again
         self._followed = altered
@@ -275,7 +275,7 @@ class Session:
         elif loaded.follows_preview:
             shown.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
-        self._followed = document.edits, self.work.tint
+        self._followed = self.work.shown_edits, self.work.tint
         self.notices.leave_scene()
         self.notices.tell_of_scan([] if loaded.preview else shown.notices(document))
         if not loaded.variant and (replaced := self.work.note_loaded(loaded.paths)):

@@ -12,6 +12,7 @@ from pathlib import Path
 from ...common.errors import InputError
 from ...common.rigid_transform import Rows
 from ...picture.camera import Camera
+from ...picture.edits import Edits
 from ...picture.settings import Settings
 from ...preprocess.scan_description import ScanDescription
 from ...readers.e57.e57_photographs import StationPhoto
@@ -59,6 +60,7 @@ class DocumentState:
     exact_points: picked points of the work whose values are being read from their files.
     begun: the measurement that is not ended yet, None where there is none.
     reference_problem: why the assigned reference system cannot be used, None where it can.
+    set_aside: numbers of stations that a tool does not draw for the moment; no part of the document.
     located: path of a scan in a project -> where a person said it is, None: left out.
     digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
     autosave, until somebody takes it over."""
@@ -77,6 +79,7 @@ class DocumentState:
         self.shot_noted = False
         self.shot_legend = False
         self.reference_problem: str | None = None
+        self.set_aside: tuple[int, ...] = ()
         self.located: dict[str, str | None] = {}
         self.digest = ""
         self.recovered: Recoverable | None = None
@@ -90,6 +93,14 @@ class DocumentState:
     def document(self) -> Document:
         """The present state."""
         return self.history.current
+
+    @property
+    def shown_edits(self) -> Edits:
+        """What changes pictures: the document's edits, without the stations that are set aside."""
+        edits = self.document.edits
+        if not self.set_aside:
+            return edits
+        return replace(edits, hidden_stations=tuple(sorted({*edits.hidden_stations, *self.set_aside})))
 
     def facts(self, meta: ScanDescription) -> ScanDescription:
         """``Scene.meta`` with the unit and the reference system that the document assigns; ``meta`` where they cannot be used,

@@ -62,7 +62,7 @@ def set_bearing(first: np.ndarray, second: np.ndarray, bearing: float) -> Rows:
     return turned_about(rotation_about(UPRIGHT, math.degrees(math.atan2(x, y)) - bearing), first)
 
 
-def by_numbers(shift: tuple[float, float, float], degrees: float, about: np.ndarray) -> Rows:
+def by_numbers(shift: tuple[float, float, float], degrees: float, about: np.ndarray, up: np.ndarray = UPRIGHT) -> Rows:
     """A turn about the vertical through ``about`` (3,), counterclockwise seen from above, and then a shift (x, y, z)."""
-    rotation, about = rotation_about(UPRIGHT, degrees), np.asarray(about, np.float64)
+    rotation, about = rotation_about(up, degrees), np.asarray(about, np.float64)
     return rigid(rotation, about - rotation @ about + np.asarray(shift, np.float64))

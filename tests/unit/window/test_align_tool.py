@@ -1,0 +1,207 @@
+"""The Align tool without a window: clicks make pairs, each step moves the scan in the document, and the scene follows it."""
+
+from time import monotonic, sleep
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from cloud_files import write_ply
+from swept_room import PLACES, sweep
+
+from pointglass.viewer.common.rigid_transform import Rows, inverse, moved_points, rigid, rotation_about
+from pointglass.viewer.grid.records.file_records import FileRecords
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.interaction.registering.align_tool import Align
+from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, ToolContext
+from pointglass.viewer.window.session.session import Session
+from pointglass.viewer.work.document import ScanFile
+from pointglass.viewer.work.places.pick import Picked
+from pointglass.viewer.work.project import moves_of
+from pointglass.viewer.work.registration.moved_files import transforms_of, with_transform
+
+CORNERS = np.array([[2.9, 2.4, 1.3], [-2.9, 2.4, -1.3], [2.9, -2.4, 0.0], [-2.9, -2.4, 1.3]])
+
+
+class Window:
+    """A session with two scans of a room open, the second in a frame of its own, and the tool."""
+
+    def __init__(self, folder, seed: int, monkeypatch):
+        random = np.random.default_rng(seed)
+        rotation = rotation_about(random.normal(size=3), random.uniform(-20, 20))
+        self.truth: Rows = rigid(rotation, random.uniform(-2, 2, 3))
+        self.random = random
+        first, second = (sweep(place, seed + number, columns=220, rows=220, noise=0.002)
+                         for number, place in enumerate(PLACES[:2]))
+        grey = np.full((len(first), 3), 128, np.uint8)
+        self.paths = [write_ply(folder / "fixed.ply", first, grey),
+                      write_ply(folder / "moving.ply", moved_points(inverse(self.truth), second), grey)]
+        self.second = second
+        self.session = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None)
+        self.context = ToolContext(self.session, SimpleNamespace(frame=None), SimpleNamespace(scale=1.0))  # type: ignore[arg-type]
+        self.tool = Align()
+        self.clicked: Picked | None = None
+        monkeypatch.setattr(self.tool._pointing, "at", lambda *_, **__: self.clicked)
+        self.session.open(self.paths)
+        self.turn()
+
+    def turn(self) -> None:
+        """Turns the loop until nothing goes on."""
+        end = monotonic() + 120
+        while monotonic() < end:
+            self.tool.follow(self.context)
+            if (loaded := self.session.poll()) is not None:
+                self.session.accept(loaded)
+                continue
+            if self.session.loads.current is None and self.tool.worker is None:
+                return
+            sleep(0.01)
+        raise AssertionError("work does not end")
+
+    def click(self, place: np.ndarray, scan: int, button: Any = "left") -> None:
+        x, y, z = place.tolist()
+        self.clicked = Picked(0, (x, y, z), 1.0, (0, 0, 0), None, scan, "", (0, 0), exact=True)
+        self.tool.pointer(PointerEvent("release", (1.0, 1.0), button=button, clicks=1), self.context)
+
+    def pair(self, corner: np.ndarray, noise: float = 0.0) -> None:
+        self.click(moved_points(inverse(self.truth), corner[None])[0] + noise * self.random.normal(size=3), 1)
+        self.click(corner, 0)
+
+    @property
+    def transform(self) -> Rows | None:
+        return transforms_of(self.session.document.scans, self.session.scene.meta.sources)[1]  # type: ignore[union-attr]
+
+    def shown(self) -> np.ndarray:
+        """(n, 3) points of the moving scan as they are shown."""
+        values = FileRecords(self.session.scene).of(slice(None))  # type: ignore[arg-type]
+        return values.xyz[values.source == 1]
+
+    def is_at_its_place(self, within: float) -> bool:
+        low, high = self.second.min(axis=0), self.second.max(axis=0)
+        found = self.shown()
+        return bool(np.abs([found.min(axis=0) - low, found.max(axis=0) - high]).max() < within)
+
+
+@pytest.fixture(name="window")
+def align_window(tmp_path, seed, monkeypatch):
+    made = Window(tmp_path, seed, monkeypatch)
+    yield made
+    made.tool.close()
+    made.session.close()
+
+
+def test_three_pairs_move_the_scan_the_scene_follows_and_undo_puts_it_back(window):
+    before = window.shown()
+    for corner in CORNERS[:3]:
+        window.pair(corner)
+    found = window.tool.pairs.fit()
+    assert window.tool.pairs.count == 3 and found.rms < 1e-6
+    window.tool.apply_pairs(window.context)
+    window.turn()
+    np.testing.assert_allclose(np.array(window.transform), np.array(window.truth), atol=1e-6)
+    assert window.is_at_its_place(0.02) and window.session.scene.meta.records.moves[0] is None
+    assert window.session.work.undo() == "Align moving.ply by pairs"
+    window.turn()
+    assert window.transform is None and np.array_equal(np.sort(window.shown(), axis=0), np.sort(before, axis=0))
+    window.session.work.redo()
+    window.turn()
+    assert window.is_at_its_place(0.02)
+
+
+def test_surfaces_refine_what_careless_pairs_began(window):
+    for corner in CORNERS:
+        window.pair(corner, noise=0.03)
+    window.tool.refine(window.context)
+    window.turn()
+    own = moved_points(inverse(window.truth), window.second)
+    assert np.linalg.norm(moved_points(window.transform, own) - window.second, axis=1).max() < 0.004
+    assert "% of it overlap" in window.tool.result and window.is_at_its_place(0.02)
+    assert window.session.work.undo() == "Refine the place of moving.ply"
+
+
+def test_either_scan_may_be_clicked_first_and_the_other_is_shown_alone_then(window):
+    window.tool.selected(window.context)
+    work = window.session.work
+    for first, second in ((0, 1), (1, 0)):
+        window.click(CORNERS[0], first)
+        window.tool.follow(window.context)
+        assert work.set_aside == (first,) and work.shown_edits.hidden_stations == (first,)
+        assert window.session.spec.edits.hidden_stations == (first,) and work.document.hidden_stations == ()
+        window.click(CORNERS[1], first)
+        assert window.tool.pairs.begun is not None and "Click the same place in" in window.session.notices.toasts[-1].text
+        window.click(CORNERS[0], second)
+        window.tool.follow(window.context)
+        assert window.tool.pairs.begun is None and work.set_aside == ()
+    assert window.tool.pairs.count == 2
+    back = [window.tool.key_event(KeyEvent("BACKSPACE", "press"), window.context) for _ in range(5)]
+    assert back == [True, True, True, True, False] and window.tool.pairs.count == 0
+    window.click(CORNERS[0], 1)
+    window.tool.left(window.context)
+    assert work.set_aside == ()
+
+
+def test_points_stay_on_their_scan_when_it_is_moved_by_numbers(window):
+    for corner in CORNERS[:3]:
+        window.pair(corner)
+    window.tool.shift, window.tool.degrees = [1.0, -2.0, 0.5], 12.0
+    middle = window.shown().mean(axis=0)
+    window.tool.move_by_numbers(window.context)
+    window.turn()
+    np.testing.assert_allclose(window.shown().mean(axis=0), middle + [1.0, -2.0, 0.5], atol=0.4)  # about an even sample's
+    window.tool.apply_pairs(window.context)
+    window.turn()
+    np.testing.assert_allclose(np.array(window.transform), np.array(window.truth), atol=1e-6)
+    window.tool.put_back(window.context)
+    window.turn()
+    assert window.transform is None
+
+
+def test_a_click_on_its_floor_levels_it(window):
+    window.tool.levelling = True
+    floor = moved_points(inverse(window.truth), np.array([[-1.0, -0.5, -1.4]]))[0]
+    window.click(floor, 1)
+    window.turn()
+    own = moved_points(inverse(window.truth), np.array([[0.0, 0.0, -1.4], [2.0, 1.0, -1.4], [-1.0, 2.0, -1.4]]))
+    assert np.ptp(moved_points(window.transform, own)[:, 2]) < 0.004
+    assert window.session.work.undo() == "Level moving.ply"
+
+
+def test_surfaces_that_are_far_apart_are_refused_and_the_scan_stays(window):
+    window.tool.shift = [100.0, 0.0, 0.0]
+    window.tool.move_by_numbers(window.context)
+    window.turn()
+    there = window.transform
+    window.tool.refine(window.context)
+    window.turn()
+    assert window.session.notices.message is not None and window.transform == there
+
+
+def test_refining_can_be_given_up(window):
+    window.tool.refine(window.context)
+    window.tool.worker.cancel()
+    window.turn()
+    assert window.transform is None and window.session.notices.toasts[-1].text == "Aligning cancelled"
+
+
+def test_a_load_that_fails_is_not_begun_again(window):
+    window.paths[1].unlink()
+    window.paths[0].unlink()
+    window.tool.shift = [1.0, 0.0, 0.0]
+    window.tool.move_by_numbers(window.context)
+    window.turn()
+    assert window.session.notices.message is not None
+    window.tool.follow(window.context)
+    assert window.session.loads.current is None
+
+
+def test_one_file_of_a_folder_of_scans_is_moved_alone(tmp_path):
+    folder = tmp_path / "tiles"
+    folder.mkdir()
+    sources = [str(folder / "a.laz"), str(folder / "b.laz"), str(tmp_path / "c.laz")]
+    moved = rigid(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    scans = (ScanFile(str(folder), crs="EPSG:25832"), ScanFile(sources[2]))
+    found = with_transform(scans, sources, 1, moved)
+    assert [scan.path for scan in found] == sources and found[1].crs == "EPSG:25832"
+    assert transforms_of(found, sources) == (None, moved, None)
+    assert moves_of(with_transform(found, sources, 1, None)) == {}
+    assert with_transform(scans, sources, 2, moved)[0] == scans[0]

@@ -1,0 +1,1 @@
+"""Align: a scan is moved to its place beside another."""

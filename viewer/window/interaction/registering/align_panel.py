@@ -1,0 +1,152 @@
+"""The rows of the Align tool in the inspector: which scan moves, its pairs with what they are off by, surfaces, numbers."""
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ....common.rigid_transform import IDENTITY, Rows, turn_in_degrees
+from ....common.text import counted, printable
+from ....work.registration.point_pairs import LEAST, PairFit
+from ....work.scan_files import FilePart
+from ...kit.theme import fitted
+from ...kit.worker import Worker
+from ..editing import unit_of
+from ..tool import ToolContext
+from .clicked_pairs import Pairs
+
+_LABEL = "m" * 5
+"""As wide as the names of the numbers."""
+
+
+class Aligning(Protocol):
+    """What the panel shows and changes: viewer.window.interaction.registering.align_tool.Align."""
+
+    moving: int
+    pairs: Pairs
+    levelling: bool
+    shift: list[float]
+    degrees: float
+    result: str
+    worker: Worker | None
+
+    def parts(self, context: ToolContext) -> list[FilePart]: ...
+    def transform(self, context: ToolContext) -> Rows: ...
+    def choose(self, number: int) -> None: ...
+    def apply_pairs(self, context: ToolContext) -> None: ...
+    def refine(self, context: ToolContext) -> None: ...
+    def move_by_numbers(self, context: ToolContext) -> None: ...
+    def put_back(self, context: ToolContext) -> None: ...
+
+
+def name_of(part: FilePart) -> str:
+    """The name of a file, for a person."""
+    return printable(Path(part.path).name)
+
+
+def draw_panel(ui: Any, tool: Aligning, context: ToolContext) -> None:
+    """All rows.  ui: the ``imgui`` module, inside a window."""
+    parts = tool.parts(context)
+    if not parts:
+        ui.text_wrapped("Scans can be moved once all points are read and their files are told apart.")
+        return
+    _which(ui, tool, parts)
+    if tool.worker is not None:
+        ui.text_wrapped(tool.worker.label or tool.worker.title)
+        ui.progress_bar(tool.worker.fraction or 0.0)
+        if ui.button("Cancel"):
+            tool.worker.cancel()
+        return
+    if len(parts) > 1:
+        _pairs(ui, tool, context)
+    else:
+        ui.text_wrapped("Open a second scan to align this one to it.")
+    if tool.result:
+        ui.text_wrapped(tool.result)
+    ui.separator()
+    _numbers(ui, tool, context)
+
+
+def _which(ui: Any, tool: Aligning, parts: list[FilePart]) -> None:
+    width = ui.get_content_region_avail().x
+    if len(parts) == 1:
+        ui.text_unformatted(fitted(name_of(parts[0]), width))
+        return
+    ui.text_unformatted("scan that moves")
+    ui.set_next_item_width(-1)
+    if ui.begin_combo("##moving", name_of(parts[tool.moving])):
+        for number, part in enumerate(parts):
+            ui.push_id(number)
+            if ui.selectable(name_of(part), number == tool.moving)[0]:
+                tool.choose(number)
+            ui.pop_id()
+        ui.end_combo()
+
+
+def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
+    pairs, unit = tool.pairs, unit_of(context)
+    if pairs.count < LEAST:
+        more = LEAST - pairs.count
+        ui.text_wrapped(f"Click a place in one scan, then the same place in the other: {counted(more, 'more pair')}.")
+    found = pairs.fit()
+    for number in range(pairs.count):
+        ui.push_id(number)
+        gone = ui.small_button("x")
+        if ui.is_item_hovered():
+            ui.set_tooltip("Take this pair away")
+        ui.same_line()
+        off = f"off by {found.residuals[number]:.3g} {unit}" if isinstance(found, PairFit) else ""
+        ui.text_unformatted(f"pair {number + 1}  {off}")
+        ui.pop_id()
+        if gone:
+            pairs.drop(number)
+            return
+    if isinstance(found, str):
+        ui.text_wrapped(found)
+    elif found is not None:
+        ui.text_unformatted(f"RMS {found.rms:.3g} {unit}")
+    ui.begin_disabled(not isinstance(found, PairFit))
+    if ui.button("Apply pairs"):
+        tool.apply_pairs(context)
+    ui.end_disabled()
+    ui.same_line()
+    if ui.button("Refine (ICP)"):
+        tool.refine(context)
+    if ui.is_item_hovered():
+        ui.set_tooltip("Compares the surfaces of both scans, from where the pairs lead, else from where the scan is")
+
+
+def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
+    unit = unit_of(context)
+    for axis, name in enumerate("xyz"):
+        changed, value = _field(ui, f"move {name}", tool.shift[axis], f"%.4f {unit}")
+        if changed and np.isfinite(value):
+            tool.shift[axis] = value
+    changed, value = _field(ui, "turn", tool.degrees, "%.4f°")
+    if changed and np.isfinite(value):
+        tool.degrees = value
+    ui.begin_disabled(not (any(tool.shift) or tool.degrees))
+    if ui.button("Move"):
+        tool.move_by_numbers(context)
+    ui.end_disabled()
+    ui.same_line()
+    if ui.button("Click its floor…" if tool.levelling else "Level…"):
+        tool.levelling = not tool.levelling
+    if ui.is_item_hovered():
+        ui.set_tooltip("A click on its floor fits a plane there and makes it horizontal")
+    transform = tool.transform(context)
+    if transform != IDENTITY:
+        shift = ", ".join(f"{row[3]:.3f}" for row in transform[:3])
+        ui.text_wrapped(f"Moved: turned {turn_in_degrees(transform):.3f}°, shifted by {shift}")
+        if ui.button("Put back"):
+            tool.put_back(context)
+        if ui.is_item_hovered():
+            ui.set_tooltip("To where its file has it")
+
+
+def _field(ui: Any, name: str, value: float, form: str) -> tuple[bool, float]:
+    ui.align_text_to_frame_padding()
+    ui.text_unformatted(name)
+    ui.same_line(ui.calc_text_size(_LABEL).x)
+    ui.set_next_item_width(-1)
+    return ui.input_double(f"##{name}", value, 0.0, 0.0, form)

@@ -1,0 +1,251 @@
+"""Align: moves a scan to its place beside another, by pairs of points, by surfaces (ICP), by numbers, or to a level floor.
+
+Each is a step that can be undone: the document keeps the transformation of the scan, and the scans are read again at their new
+places (reload_moved).  Surfaces are compared on a thread.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....common.rigid_transform import IDENTITY, Rows, combined, moved_points
+from ....work.places.pick import Picked
+from ....work.registration.levelling import by_numbers
+from ....work.registration.moved_files import points_of, transforms_of, with_transform
+from ....work.registration.point_pairs import LEAST
+from ....work.scan_files import FilePart, files_of
+from ...kit import icons
+from ...kit.worker import Worker
+from ..editing import Pointing, drawn_points, edit, end, ended, unit_of
+from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
+from .align_panel import draw_panel, name_of
+from .clicked_pairs import Pairs
+from .refining import Moved, level_work, refine_work
+from .reload_moved import ReloadMoved
+
+if TYPE_CHECKING:
+    from ...kit.overlay import OverlayCanvas
+
+_FEW = 20_000
+"""Points from which the middle of a scan is found, about which it turns."""
+
+
+class Align(Tool):
+    """moving: number of the file that is moved.  levelling: whether the next click is on its floor.
+    shift, degrees: as typed, to be done.  result: of the last step, in words."""
+
+    name, label, icon = "align", "Align", icons.ALIGN
+    help = "move a scan to its place beside another"
+    cursor = "crosshair"
+    takes_clicks = picks = True
+
+    def __init__(self) -> None:
+        self._pointing = Pointing()
+        self._reload = ReloadMoved()
+        self.moving = 0
+        self.pairs = Pairs()
+        self.levelling = False
+        self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
+        self.result = ""
+        self.worker: Worker | None = None
+        self._of: tuple[str, ...] = ()
+        self._selected = False
+
+    # ---- what there is
+
+    def parts(self, context: ToolContext) -> list[FilePart]:
+        """The files of the scene; none where it does not tell them apart, or cannot be read again."""
+        scene = context.scene
+        if scene is None or scene.meta.records is None or context.session.shown_scan.preview:
+            return []
+        found = files_of(scene)
+        return found if all(part.apart for part in found) else []
+
+    def transform(self, context: ToolContext) -> Rows:
+        """Of the moving file, as the document has it."""
+        assert context.scene is not None
+        sources = context.scene.meta.sources
+        return transforms_of(context.document.scans, sources)[self.moving] or IDENTITY
+
+    def choose(self, number: int) -> None:
+        """Another scan is to be moved."""
+        if number != self.moving:
+            self.moving, self.levelling, self.result = number, False, ""
+            self.pairs.clear()
+
+    # ---- clicks
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        if event.kind != "release" or event.clicks == 0:
+            return False
+        if event.button == "right":
+            self.pairs.drop_last()
+            return False
+        parts = self.parts(context)
+        if event.button != "left" or event.clicks != 1 or not parts or (len(parts) < 2 and not self.levelling):
+            return False
+        picked = self._pointing.at(context, event.position)
+        if picked is None:
+            context.toast("No measured point here: this pixel is filled or background")
+            return False
+        of = next((number for number, part in enumerate(parts) if picked.scan in part.numbers), None)
+        moves = of == self.moving
+        if of is None or not (moves if self.levelling else self.pairs.takes(moves)):
+            whose = name_of(parts[of]) if of is not None else "none of the files"
+            context.toast(f"{self.hint(context)}; this point is of {whose}")
+            return False
+        if self.levelling:
+            self._level(context, picked, parts)
+            return False
+        transform = self.transform(context)
+
+        def arrived(exact: Picked) -> None:
+            self.pairs.correct(np.array(taken.position), np.array(exact.position), transform)
+
+        taken = context.session.work.exact_points.of(context, picked, arrived)
+        self.pairs.add(moves, np.array(taken.position), transform)
+        return False
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind != "press" or event.key not in ("BACKSPACE", "ESCAPE"):
+            return False
+        if self.levelling and event.key == "ESCAPE":
+            self.levelling = False
+        elif event.key == "BACKSPACE" or self.pairs.begun is not None:
+            return self.pairs.drop_last()
+        else:
+            return False
+        return True
+
+    def hint(self, context: ToolContext) -> str:
+        parts = self.parts(context)
+        if self.levelling and parts:
+            return f"Click the floor of {name_of(parts[self.moving])}"
+        if len(parts) < 2:
+            return ""
+        if (begun := self.pairs.begun) is not None:
+            return f"Click the same place in {'a scan that stays' if begun[0] else name_of(parts[self.moving])}"
+        return "Click a place that both scans show" if self.pairs.count < LEAST else ""
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        if not self.parts(context):
+            return
+        transform, begun = self.transform(context), self.pairs.begun
+        if begun is not None:
+            place = moved_points(transform, begun[1][None])[0] if begun[0] else begun[1]
+            overlay.marker(place, "warn", 5.0, "ring" if begun[0] else "dot")
+        if not self.pairs.count:
+            return
+        there = moved_points(transform, np.array(self.pairs.moving))
+        for place, partner in zip(there, self.pairs.fixed):
+            overlay.polyline([place, partner], "accent", 1.0)
+            overlay.marker(partner, "accent", 4.0)
+            overlay.marker(place, "warn", 5.0, "ring")
+        overlay.labels(list(there), [str(number + 1) for number in range(len(there))])
+
+    # ---- what is done
+
+    def place(self, context: ToolContext, number: int, transform: Rows, label: str) -> None:
+        """Gives a file a transformation, as a step that can be undone."""
+        assert context.scene is not None
+        scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform)
+        edit(context, label, scans=scans)
+
+    def apply_pairs(self, context: ToolContext) -> None:
+        """Moves the scan so that its points come nearest to their partners."""
+        found = self.pairs.fit()
+        if found is None or isinstance(found, str):
+            return
+        parts = self.parts(context)
+        self.result = f"{self.pairs.count} pairs agree to {found.rms:.3g} {unit_of(context)} (RMS)"
+        self.place(context, self.moving, found.transform, f"Align {name_of(parts[self.moving])} by pairs")
+
+    def refine(self, context: ToolContext) -> None:
+        """Compares the surfaces, on a thread, from where the pairs lead, else from where the scan is."""
+        scene, parts, before = context.scene, self.parts(context), self.transform(context)
+        if scene is None or len(parts) < 2:
+            return
+        found = self.pairs.fit()
+        start = before if found is None or isinstance(found, str) else found.transform
+        name = name_of(parts[self.moving])
+        work = refine_work(scene, parts, self.moving, before, start, name, unit_of(context))
+        self.worker = Worker(work, f"Aligning {name}", context.session.loads.wake)
+
+    def _level(self, context: ToolContext, picked: Picked, parts: list[FilePart]) -> None:
+        assert context.scene is not None
+        self.levelling = False
+        work = level_work(context.scene, parts[self.moving], drawn_points(context), picked.position, self.moving,
+                          self.transform(context), name_of(parts[self.moving]), context.document.up)
+        self.worker = Worker(work, "Fitting the floor", context.session.loads.wake)
+
+    def move_by_numbers(self, context: ToolContext) -> None:
+        """Turns the scan about the vertical through its middle, and shifts it."""
+        scene, parts = context.scene, self.parts(context)
+        if scene is None or not parts:
+            return
+        middle = points_of(scene, [parts[self.moving]], _FEW).mean(axis=0)
+        shift = self.shift[0], self.shift[1], self.shift[2]
+        motion = by_numbers(shift, self.degrees, middle, np.array(context.document.up))
+        self.place(context, self.moving, combined(motion, self.transform(context)), f"Move {name_of(parts[self.moving])}")
+        self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
+
+    def put_back(self, context: ToolContext) -> None:
+        """Puts the scan where its file has it."""
+        self.result = ""
+        self.place(context, self.moving, IDENTITY, f"Put {name_of(self.parts(context)[self.moving])} back")
+
+    def follow(self, context: ToolContext) -> None:
+        sources = context.scene.meta.sources if context.scene is not None else ()
+        if sources != self._of:
+            self._of, self.moving, self.result, self.levelling = sources, max(len(sources) - 1, 0), "", False
+            self.pairs.clear()
+        done = ended(self.worker, context, "The scan was not aligned")
+        if done is not None:
+            self.worker = None
+            self._take(done, context)
+        self._reload.follow(context)
+        context.session.work.set_aside = self._set_aside(context)
+
+    def _set_aside(self, context: ToolContext) -> tuple[int, ...]:
+        """Numbers of the stations that are not drawn while the second point of a pair is awaited: those of the side that the
+        first one is of, so that a click finds the other."""
+        begun, parts = self.pairs.begun, self.parts(context)
+        if not self._selected or begun is None or self.levelling:
+            return ()
+        return tuple(number for at, part in enumerate(parts) if (at == self.moving) == begun[0] for number in part.numbers)
+
+    def _take(self, done: Worker, context: ToolContext) -> None:
+        """The work on the thread has ended."""
+        if done.cancelled:
+            context.toast("Aligning cancelled")
+            return
+        found: Moved | None = done.result
+        if found is None or context.scene is None or found.number >= len(context.scene.meta.sources):
+            return
+        now = transforms_of(context.document.scans, context.scene.meta.sources)[found.number] or IDENTITY
+        if now != found.before:
+            context.toast("The scan was moved meanwhile: refine again")
+            return
+        self.result = found.text
+        self.place(context, found.number, found.after, found.label)
+
+    @property
+    def workers(self) -> "tuple[Worker | None, ...]":
+        return (self.worker,)
+
+    @property
+    def unfinished(self) -> str:
+        return "A scan is being aligned." if self.worker is not None else ""
+
+    def selected(self, context: ToolContext) -> None:
+        self._selected = True
+
+    def left(self, context: ToolContext) -> None:
+        self._selected = self.levelling = False
+        context.session.work.set_aside = ()
+
+    def close(self) -> None:
+        end(self.worker)
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        draw_panel(ui, self, context)
