@@ -55,7 +55,17 @@ def main() -> None:
         take("measure")
         while session.document.measurements:
             session.work.undo()
-        d.key("N")
+        d.key("L")
+        notes = ((-0.3, 0.02), "Crack in the plaster, 2 mm", "open"), ((0.2, -0.1), "Lamp is replaced", "done")
+        for place, text, status in notes:
+            d.click(*middle(d, *place))
+            d.key("ESCAPE")  # out of the text field
+            toolbox.active.change(context, toolbox.active.chosen, "Note", text=text, status=status)
+        toolbox.active.choose(0)
+        take("notes")
+        while session.document.annotations:
+            session.work.undo()
+        toolbox.select("section", context)
         toolbox.active.preview.shown = True
         d.until(lambda: toolbox.active.preview.image is not None, 60.0)
         take("section")
@@ -89,8 +99,6 @@ def main() -> None:
         session.frame_scene()
         context.renew_picture()
         take("clip")
-        toolbox.select("scene", context)
-        take("scene")
         d.app.close()
 
 

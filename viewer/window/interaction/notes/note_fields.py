@@ -77,6 +77,7 @@ class NoteFields:
     def draw(self, ui: Any, context: ToolContext, tool: NoteActions, number: int) -> None:
         """The fields of a note; each change is a step of the document."""
         note = context.document.annotations[number]
+        ui.push_id(note.made or str(number))  # of another note it is another field, which has not the text being typed
         if self.typing:
             ui.set_keyboard_focus_here()
             self.typing = False
@@ -100,6 +101,7 @@ class NoteFields:
         ui.same_line()
         if ui.button("Delete note"):
             tool.delete(context, number)
+        ui.pop_id()
 
     def _status(self, ui: Any, context: ToolContext, tool: NoteActions, number: int) -> None:
         note = context.document.annotations[number]
