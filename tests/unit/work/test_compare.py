@@ -209,3 +209,21 @@ def test_scans_of_other_places_or_of_few_points_are_refused(seed):
         compared(points, points + 5, "m3c2")
     with pytest.raises(InputError, match="50 points"):
         compared(points, points[:50], "c2c")
+
+
+def test_m3c2_equals_py4dgeo(seed):
+    """An independent implementation, where somebody has installed it; it neither widens cylinders nor tells surfaces apart."""
+    py4dgeo = pytest.importorskip("py4dgeo")
+    random = np.random.default_rng(seed)
+    before, after = (waves(random, 2.0, 0.006, 0.002)[0] + (0, 0, 0.3) for _ in range(2))
+    cores = after[random.choice(len(after), 2000, replace=False)]
+    one, other = cells_of(after, 0.02), cells_of(before, 0.02)
+    found, level, normals, counts = np.empty(2000), np.empty(2000), np.empty((2000, 3)), np.empty((2000, 2), np.int32)
+    m3c2_at(cores, 0.1, 0.05, 0.31, 0.002, one.search, other.search, found, level, normals, counts, 0, 2000)
+    # (a depth that is a whole number of radii would make it lose the core point itself)
+    theirs, _ = py4dgeo.M3C2(epochs=(py4dgeo.Epoch(after), py4dgeo.Epoch(before)), corepoints=cores, cyl_radius=0.025,
+                             normal_radii=(0.05,), max_distance=0.31).run()
+    # normals are those of the first epoch; the distance is that of the second one from it
+    full = counts.min(axis=1) >= 20
+    assert full.mean() > 0.9
+    np.testing.assert_allclose((found * np.sign(normals[:, 2]))[full], -np.ravel(theirs)[full], atol=1e-9)
