@@ -98,12 +98,13 @@ def _render(options: argparse.Namespace) -> int:
         part, parts = parse_shard(options.shard)
         specs = specs[part::parts]
     _check_weights(settings)
-    from .grid.open_scene import open_scene, say_degrees
+    from .grid.open_scene import moves_as, open_scene, say_degrees
     from .render.device.context import create_context
     from .render.renderer import Renderer
 
     context = create_context()
-    scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
+    scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns,
+                       moves=moves_as(options.scans, shot.moves if shot else ()))
     say_degrees(scene)
     if shot:
         scene = prepared(scene, shot.spec.edits.ghosts)

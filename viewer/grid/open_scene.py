@@ -27,6 +27,7 @@ from .records.point_records import identity_of
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from ..common.rigid_transform import Rows
     from ..readers.moved_source import Moves
     from ..readers.source import Source
 
@@ -206,6 +207,14 @@ def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
     from ..readers.formats import entry_of, scans_inside
 
     return each_once(entry_of(file) for path in given for file in scans_inside(Path(path)) or [Path(path)])
+
+
+def moves_as(paths: Sequence[Path | str], transforms: "Sequence[Rows | None]") -> "Moves":
+    """The transformations of the files that paths stand for, from those in their order; none where their numbers differ."""
+    from ..readers.moved_source import moves_at
+
+    files = as_paths(paths) if any(transforms) else []
+    return moves_at(files, transforms) if len(files) == len(transforms) else {}
 
 
 def each_once(paths: Iterable[Path]) -> list[Path]:

@@ -77,6 +77,16 @@ def test_pictures_without_or_with_a_damaged_description_are_refused(tmp_path):
         parse_camera_line("hello")
 
 
+def test_moved_scans_come_back_and_a_crooked_matrix_is_refused(tmp_path):
+    moved = ((0.0, -1.0, 0.0, 5.0), (1.0, 0.0, 0.0, 1e6), (0.0, 0.0, 1.0, -2.5), (0.0, 0.0, 0.0, 1.0))
+    given = replace(shot(), moves=(None, moved))
+    assert read_shot(save(tmp_path / "a.png", given.text())) == given
+    assert differences(given, shot()) == ["its scans were at other places, where a project had moved them"]
+    for wrong in ([[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]], "x", [[1, 2]], 5):
+        with pytest.raises(InputError, match="damaged"):
+            read_shot(save(tmp_path / "a.png", json.dumps(json.loads(given.text()) | {"moves": wrong})))
+
+
 def test_what_may_change_the_picture_is_named():
     given = shot()
     assert differences(given, given) == []

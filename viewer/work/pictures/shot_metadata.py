@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, cast
 from ... import __version__
 from ...common.errors import InputError, Option
 from ...common.file_names import leads_elsewhere
+from ...common.rigid_transform import Rows, check_rigid
 from ...common.text import printable
 from ...picture.camera import Camera
 from ...picture.json_values import from_json
@@ -37,7 +38,7 @@ class Shot:
 
     exposures: of EXPOSURES.  scans: names of the scan files; points: of the scene.  weights: first digits of the weights file's
     SHA-256, "" where no network ran.  version: of pointglass.  raster: the rasteriser that a GPU chose by timing, "" where none
-    was chosen so.
+    was chosen so.  moves: of each file the rigid transformation that a project gave it, None where it stays; (): all stay.
     """
 
     spec: PictureSpec
@@ -47,6 +48,7 @@ class Shot:
     weights: str = ""
     version: str = __version__
     raster: str = ""
+    moves: tuple[Rows | None, ...] = ()
 
     def drawn_with(self, timed: str) -> "Shot":
         """The same picture, drawn by a renderer that chose its rasteriser by timing (RasterChoice.timed; "": it did not)."""
@@ -54,7 +56,8 @@ class Shot:
 
     def text(self) -> str:
         """The JSON that the PNG keeps."""
-        spec = self.spec.to_json() | ({"raster": self.raster} if self.raster else {})
+        spec = self.spec.to_json() | ({"raster": self.raster} if self.raster else {}) | (
+            {"moves": self.moves} if self.moves else {})  # fmt: skip
         return json.dumps({
             "version": self.version, "scans": list(self.scans), "points": self.points, "exposures": self.exposures,
             "background": spec.pop("background"), "weights": self.weights, **spec,
@@ -67,7 +70,8 @@ def describe_shot(scene: "Scene", spec: PictureSpec, *, exposures: str | None = 
     if not spec.camera.name.isprintable():
         spec = replace(spec, camera=replace(spec.camera, name=printable(spec.camera.name)))
     weights = _weights_digest(spec.settings) if "neural" in spec.views else ""
-    return Shot(spec, exposures or ("matched" if scene.matched else "as-scanned"), scans, scene.count, weights)
+    return Shot(spec, exposures or ("matched" if scene.matched else "as-scanned"), scans, scene.count, weights,
+                moves=scene.meta.records.moves if scene.meta.records is not None else ())
 
 
 def _weights_digest(settings: Settings) -> str:
@@ -128,8 +132,11 @@ def read_shot(path: Path) -> Shot:
         raster = found.get("raster", "")  # pictures of before it was kept have none
         if raster not in ("", *TIMED):
             raise damaged
+        moves = cast(tuple[Rows | None, ...], from_json(tuple[Rows | None, ...], found.get("moves", []), "moves"))
+        for rows in filter(None, moves):
+            check_rigid(rows, "moves")
         shot = Shot(PictureSpec.from_json(found, str(path)), exposures, tuple(found["scans"]),
-                    cast(int, from_json(int, found["points"], "points")), weights, version, raster)
+                    cast(int, from_json(int, found["points"], "points")), weights, version, raster, moves)
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
         raise damaged from None
     except InputError as error:
@@ -156,6 +163,8 @@ def differences(then: Shot, now: Shot) -> list[str]:
         found.append(f"the scan has {now.points:,} points, and had {then.points:,}")
     if then.scans != now.scans:
         found.append(f"it was made from {', '.join(then.scans) or 'arrays'}")
+    if then.moves != now.moves:
+        found.append("its scans were at other places, where a project had moved them")
     if then.weights != now.weights:
         found.append(f"the network's weights are {now.weights or 'not used'}, and were {then.weights or 'not used'}")
     if then.version != now.version:

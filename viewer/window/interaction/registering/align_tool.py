@@ -64,8 +64,7 @@ class Align(Tool):
     def transform(self, context: ToolContext) -> Rows:
         """Of the moving file, as the document has it."""
         assert context.scene is not None
-        sources = context.scene.meta.sources
-        return transforms_of(context.document.scans, sources)[self.moving] or IDENTITY
+        return transforms_of(context.document.scans, [context.scene.meta.sources[self.moving]])[0] or IDENTITY
 
     def choose(self, number: int) -> None:
         """Another scan is to be moved."""
@@ -149,6 +148,8 @@ class Align(Tool):
         """Gives a file a transformation, as a step that can be undone."""
         assert context.scene is not None
         scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform)
+        if context.document.measurements or context.document.annotations:
+            context.toast("Measurements and notes stay where they are")
         edit(context, label, scans=scans)
 
     def apply_pairs(self, context: ToolContext) -> None:

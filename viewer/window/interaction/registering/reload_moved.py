@@ -18,6 +18,7 @@ class ReloadMoved:
     """One of a window."""
 
     def __init__(self) -> None:
+        self._checked: tuple[object, object] | None = None
         self._asked: tuple[tuple[Path, ...], tuple[Rows | None, ...]] | None = None
 
     def follow(self, context: "ToolContext") -> None:
@@ -27,8 +28,11 @@ class ReloadMoved:
             return
         if session.shown_scan.preview or session.loads.current is not None:
             return
-        sources, records = scene.meta.sources, scene.meta.records
-        wanted = transforms_of(context.document.scans, sources)
+        sources, records, scans = scene.meta.sources, scene.meta.records, context.document.scans
+        if self._checked is not None and self._checked[0] is scans and self._checked[1] is scene.meta:
+            return  # the paths of hundreds of files are not resolved in every turn
+        self._checked = scans, scene.meta
+        wanted = transforms_of(scans, sources)
         shown = tuple(records.move_of(number) for number in range(len(sources)))
         if wanted == shown:
             self._asked = None
