@@ -161,3 +161,41 @@ def test_an_unknown_unit_is_said_and_the_scan_itself_is_never_replaced(seed, tmp
     again = str(tmp_path / "out" / "distances.laz")
     assert main(["compare", one, again, "--out", str(tmp_path / "out")]) == 2
     assert "is one of the scans that are compared" in capsys.readouterr().err
+
+
+def write_ptx(path, xyz, place) -> str:
+    """One scan of (n, 3) points in file coordinates, measured from ``place``."""
+    x, y, z = place
+    head = [str(len(xyz)), "1", f"{x} {y} {z}", "1 0 0", "0 1 0", "0 0 1", "1 0 0 0", "0 1 0 0", "0 0 1 0", f"{x} {y} {z} 1"]
+    rows = [f"{a:.6f} {b:.6f} {c:.6f} 0.5" for a, b, c in xyz - np.array(place)]
+    path.write_text("\n".join([*head, *rows]) + "\n")
+    return str(path)
+
+
+def test_positive_is_towards_the_scanner_that_the_file_states(seed, tmp_path, capsys):
+    random = np.random.default_rng(seed)
+    before, after = floor(random, 4000), floor(random, 4000) - (0, 0, 0.01)
+    for after_file, said in ((write_ptx(tmp_path / "a.ptx", after, (4.0, 6.0, -3.0)), "towards the scanner"),
+                             (write_las(tmp_path / "a.las", after), "towards the nearest scanner of the scan before")):
+        assert main(["compare", write_ptx(tmp_path / "b.ptx", before, (4.0, 6.0, -3.0)), after_file, "--out",
+                     str(tmp_path / "out")]) == 0
+        assert f"positive is {said}" in capsys.readouterr().out
+        made = laspy.read(tmp_path / "out" / "distances.laz")
+        assert np.nanmedian(made.distance) == pytest.approx(0.01, abs=0.001)
+        assert set(np.unique(made.station)) == {0}
+
+
+@pytest.mark.parametrize("method", ["m3c2", "c2c"])
+def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsys):
+    random = np.random.default_rng(seed)
+    before, after = floor(random, 4000), floor(random, 4000)
+    before[:2, 2] += 20
+    after[:, 2] += 10
+    out = tmp_path / "out"
+    assert main(["compare", write_las(tmp_path / "b.las", before), write_las(tmp_path / "a.las", after), "--out", str(out),
+                 "--method", method]) == 0
+    assert "0 points compared, 4,000 without a counterpart" in capsys.readouterr().out
+    assert np.isnan(laspy.read(out / "distances.laz").distance).all()
+    assert table(out / "distances.csv")["statistic"]["share without counterpart"] == "1"
+    with Image.open(out / "distances.png") as picture:
+        assert picture.size == (1920, 1200)

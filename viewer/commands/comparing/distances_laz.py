@@ -1,6 +1,8 @@
 """``distances.laz``: the points of the scan after, with the distance and the uncertainty of each as extra dimensions.
 
-LAS 1.4, point format 7: colours show the distances; intensity and class are the file's.  Frame and units: the file's.
+LAS 1.4, point format 7: colours show the distances; intensity and class are the file's.  The station is an extra dimension, not
+the point source id, by which pointglass would tell stations apart and give them the same brightness.  Frame and units: the
+file's.
 """
 
 from pathlib import Path
@@ -36,6 +38,7 @@ def write_laz(path: Path, cloud: Cloud, distances: Distances, limit: float) -> N
         header.global_encoding.wkt |= number == 2112
     header.add_extra_dim(laspy.ExtraBytesParams("distance", "f4", description="along the normal, file units"))
     header.add_extra_dim(laspy.ExtraBytesParams("uncertainty", "f4", description="of the distance, 95 %"))
+    header.add_extra_dim(laspy.ExtraBytesParams("station", "u2", description="of the scan after, from 0"))
     done = 0
     with output_file(path) as file, laspy.open(file, mode="w", header=header, closefd=False, do_compress=True) as writer, \
             progress(len(cloud.xyz), f"writing {NAME}", "point") as meter:  # fmt: skip
@@ -52,7 +55,7 @@ def write_laz(path: Path, cloud: Cloud, distances: Distances, limit: float) -> N
                 points["intensity"] = chunk.intensity[finite]
             if chunk.classification is not None:
                 points["classification"] = chunk.classification[finite]
-            points["point_source_id"] = cloud.station[rows].astype(np.uint16) + 1
+            points["station"] = cloud.station[rows]
             points["return_number"] = points["number_of_returns"] = np.ones(len(points), np.uint8)
             points["distance"] = distances.distance[rows].astype(np.float32)
             points["uncertainty"] = distances.uncertainty[rows].astype(np.float32)
