@@ -199,3 +199,28 @@ def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsy
     assert table(out / "distances.csv")["statistic"]["share without counterpart"] == "1"
     with Image.open(out / "distances.png") as picture:
         assert picture.size == (1920, 1200)
+
+
+def test_scans_are_compared_where_a_project_has_moved_them(seed, tmp_path, capsys):
+    from pointglass.viewer.work.document import Document, ScanFile
+    from pointglass.viewer.work.project import write_project
+
+    random = np.random.default_rng(seed)
+    before, after = floor(random, 4000), floor(random, 4000)
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    shift = random.uniform(-50, 50, 3)
+    names = [write_las(tmp_path / "b.las", before, step=1e-5),
+             write_las(tmp_path / "a.las", (after + (0, 0, 0.004) - shift) @ turn, step=1e-5)]
+    rows = tuple(tuple(row) for row in np.vstack([np.c_[turn, shift], [0, 0, 0, 1]]).tolist())
+    write_project(tmp_path / "p.pointglass", Document((ScanFile(names[0]), ScanFile(names[1], transform=rows))))
+    out = ["--out", str(tmp_path / "out"), "--project", str(tmp_path / "p.pointglass")]
+    assert main(["compare", *names, *out]) == 0
+    made = laspy.read(tmp_path / "out" / "distances.laz")
+    np.testing.assert_allclose(made.xyz, after + (0, 0, 0.004), atol=3e-4)
+    assert np.nanmedian(made.distance) == pytest.approx(0.004, abs=0.001)
+    capsys.readouterr()
+    assert main(["compare", names[0], write_las(tmp_path / "c.las", after), *out]) == 2
+    assert "p.pointglass: has moved neither of the scans" in capsys.readouterr().err
+    assert main(["compare", names[0], str(tmp_path / "p.pointglass"), *out[:2]]) == 2
+    assert "is a project: comparing reads scans; name both scans" in capsys.readouterr().err

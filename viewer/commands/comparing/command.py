@@ -17,7 +17,7 @@ from ...work.comparing.facing import TEXTS, facing_of
 from ...work.measuring.measure_text import unit_name
 from ..options import add_columns
 from . import distances_csv, distances_laz, distances_picture
-from .read_cloud import Cloud, check_together, opened, read_cloud
+from .read_cloud import Cloud, check_together, moves_in, opened, read_cloud
 
 FILES = (distances_laz.NAME, distances_csv.NAME, distances_picture.NAME)
 
@@ -36,6 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--registration", type=float, default=0.0, metavar="E",
                         help="uncertainty (95 %%) of how both scans lie to each other, in their unit; it is added to that of "
                              "each distance (default 0)")
+    parser.add_argument("--project", type=Path, metavar="P",
+                        help="compare the scans where this project has moved them, such as one that `pointglass align` made of "
+                             "both (default: where their files have them)")
     parser.add_argument("--range", type=float, metavar="R", dest="limit",
                         help="the colours end at distances of -R and R, in the unit of the scans (default: chosen by the "
                              "changes)")
@@ -48,7 +51,8 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and not (np.isfinite(value) and (value > 0 or value == least)):
             raise InputError("expected a length in the unit of the scans", option=name, value=value)
     paths = options.before, options.after
-    (sources, meta), (other_sources, other_meta) = (opened(path, options.columns) for path in paths)
+    moves = None if options.project is None else moves_in(options.project, list(paths))
+    (sources, meta), (other_sources, other_meta) = (opened(path, options.columns, moves) for path in paths)
     for line in check_together(options.before, meta, options.after, other_meta):
         print(f"pointglass: {line}", file=sys.stderr)
     _refuse_own_files(options.out, [Path(name) for name in (*meta.sources, *other_meta.sources)])

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...common.progress import progress
+from ...readers.moved_source import unmoved
 from ...work.comparing.compare import Distances
 from ...work.comparing.distance_statistics import colours_of
 from ..exporting.crs_records import reference_of
@@ -33,7 +34,7 @@ def write_laz(path: Path, cloud: Cloud, distances: Distances, limit: float) -> N
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.scales, header.offsets = coordinate_steps(cloud.xyz, distances.after.spacing)
     header.generating_software = "pointglass"
-    for number, data in reference_of(cloud.meta, cloud.sources, Losses()).las_records:
+    for number, data in reference_of(cloud.meta, [unmoved(source)[0] for source in cloud.sources], Losses()).las_records:
         header.vlrs.append(laspy.VLR(PROJECTION, number, record_data=data))
         header.global_encoding.wkt |= number == 2112
     header.add_extra_dim(laspy.ExtraBytesParams("distance", "f4", description="along the normal, file units"))

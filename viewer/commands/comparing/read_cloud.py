@@ -1,6 +1,6 @@
 """All points of a scan with their stations, as its files have them, and whether two scans may be compared.
 
-Frame: file coordinates, float64, file units.
+Frame: file coordinates, float64, file units; of scans that a project has moved, the project's.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,8 @@ from ...common.progress import progress
 from ...grid.open_scene import as_paths, stated_facts
 from ...preprocess.scan_description import DEGREE, ScanDescription
 from ...readers.formats import open_sources
-from ...work.project import is_project
+from ...readers.moved_source import Moves, move_of
+from ...work.project import is_project, moves_of, read_project
 
 if TYPE_CHECKING:
     from ...readers.source import Chunk, Source
@@ -42,14 +43,24 @@ class Cloud:
         return self.path.name or str(self.path)
 
 
-def opened(path: Path, columns: str | None) -> "tuple[list[Source], ScanDescription]":
-    """The readers of a scan, or of the scans in a folder, and what they state.  Raises InputError."""
+def opened(path: Path, columns: str | None, moves: Moves | None = None) -> "tuple[list[Source], ScanDescription]":
+    """The readers of a scan, or of the scans in a folder, and what they state.  moves: transformations of scans, which the
+    readers apply.  Raises InputError."""
     if is_project(path):
         raise InputError("is a project: comparing reads scans", file=path,
-                         remedy="write its points with `pointglass export` and compare that file")
-    paths = as_paths(path)
-    sources = [source for file in paths for source in open_sources([file], columns if _is_text(file) else None)]
+                         remedy=("name both scans, and the project with ", Option("--project"), " where it has moved them"))
+    files = as_paths(path)
+    sources = [source for file in files for source in open_sources([file], columns if _is_text(file) else None, moves)]
     return sources, stated_facts(sources)
+
+
+def moves_in(project: Path, scans: list[Path]) -> Moves:
+    """The transformations that a project keeps of scans.  Raises InputError where it has moved none of them."""
+    moves = moves_of(read_project(project).scans)
+    if not any(move_of(file, moves) for path in scans for file in as_paths(path)):
+        raise InputError("has moved neither of the scans", file=project,
+                         remedy=("leave out ", Option("--project"), ", or name a project that `pointglass align` made of them"))
+    return moves
 
 
 def _is_text(path: Path) -> bool:
