@@ -20,6 +20,7 @@ from pointglass.viewer.common.rigid_transform import (
     turn_in_degrees,
 )
 from pointglass.viewer.work.registration.align_surfaces import Alignment, align_surfaces
+from pointglass.viewer.work.registration.icp_clouds import normals_of, voxel_means
 from pointglass.viewer.work.registration.levelling import by_numbers, levelled, plane_of, set_bearing
 from pointglass.viewer.work.registration.point_pairs import fit_pairs, leave_one_out
 
@@ -137,6 +138,23 @@ def test_the_motion_of_a_station_is_found_within_the_stated_uncertainty(seed):
         assert 0.25 < found.overlap < 0.45 and found.rms < 1.5 * noise
         check_rigid(found.transform, "found")
     assert np.mean(np.array(ratios) <= 1) >= 0.6 and max(ratios) < 2, ratios
+
+
+def test_thinned_points_are_the_means_of_voxels_with_the_normals_of_open3d(seed):
+    import open3d as o3d
+
+    random = np.random.default_rng(seed)
+    xyz = swept((0.3, 1.6, -0.1), random, 5_000, 0.002)
+    found, cells = voxel_means(xyz, 0.2), {}
+    for point in xyz:
+        cells.setdefault(tuple(np.floor((point - xyz.min(axis=0)) / 0.2).tolist()), []).append(point)
+    expected = np.array([np.mean(points, axis=0) for points in cells.values()])
+    order = np.lexsort(found.T), np.lexsort(expected.T)
+    np.testing.assert_allclose(found[order[0]], expected[order[1]], atol=1e-9)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(found))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(12))
+    same = np.abs(np.einsum("ij,ij->i", normals_of(found), np.array(cloud.normals)))
+    assert np.quantile(same, 0.02) > 0.9999  # but where the smallest two axes are alike
 
 
 def test_one_wall_does_not_hold_another(seed):

@@ -70,13 +70,30 @@ def _occupied(xyz: np.ndarray, voxel: float) -> int:
 
 
 def thinned(xyz: np.ndarray, voxel: float) -> list[Thinned]:
-    """The levels of a scan, the coarsest first; ``voxel``: of the finest."""
-    import open3d as o3d
-
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.ascontiguousarray(xyz)))
+    """The levels of a scan, the coarsest first; ``voxel``: of the finest.  Other threads run meanwhile, which they would not
+    while Open3D thins points: the window answers keys."""
     levels = []
     for level in range(LEVELS):
-        cloud = cloud.voxel_down_sample(voxel * 2**level)
-        cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(_NEIGHBOURS))
-        levels.append(Thinned(np.array(cloud.points), np.array(cloud.normals), voxel * 2**level))
+        xyz = voxel_means(xyz, voxel * 2**level)
+        levels.append(Thinned(xyz, normals_of(xyz), voxel * 2**level))
     return levels[::-1]
+
+
+def voxel_means(xyz: np.ndarray, voxel: float) -> np.ndarray:
+    """(m, 3): the mean of the points (n, 3) in each voxel that holds any."""
+    cells = ((xyz - xyz.min(axis=0)) / voxel).astype(np.int64)
+    keys = cells @ np.array([1, 1 << 21, 1 << 42])
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    return np.add.reduceat(xyz[order], starts, axis=0) / np.diff(starts, append=len(xyz))[:, None]
+
+
+def normals_of(xyz: np.ndarray) -> np.ndarray:
+    """(n, 3) unit normals, to either side, of the planes nearest to each point (n, 3) and its neighbours."""
+    from scipy.spatial import cKDTree  # type: ignore[attr-defined]
+
+    count = min(_NEIGHBOURS, len(xyz))
+    _, index = cKDTree(xyz).query(xyz, count, workers=-1)
+    around = xyz[index.reshape(len(xyz), count)]
+    around = around - around.mean(axis=1, keepdims=True)
+    return np.ascontiguousarray(np.linalg.eigh(around.transpose(0, 2, 1) @ around)[1][:, :, 0])
