@@ -9,7 +9,7 @@ import zipfile
 
 import pytest
 from real_window import until, x_display
-from test_work_is_kept import all_points, answered, autosaves, opened, scan  # noqa: F401  (a fixture)
+from test_work_is_kept import all_points, answered, autosaves, dimmed, opened, scan  # noqa: F401  (a fixture)
 
 from pointglass.viewer.window.session.autosave import read_unsaved
 from pointglass.viewer.work.project import read_project
@@ -27,9 +27,13 @@ def display():
         yield found
 
 
+def notes_of(of) -> list:
+    """Those in the autosaves."""
+    return [note for file in autosaves(of) if (found := read_unsaved(file)) for note in found.document.annotations]
+
+
 def texts(of) -> list[str]:
-    """Of the notes in the autosaves."""
-    return [note.text for file in autosaves(of) if (found := read_unsaved(file)) for note in found.document.annotations]
+    return [note.text for note in notes_of(of)]
 
 
 def written(window, of, text: str) -> None:
@@ -43,14 +47,18 @@ def written(window, of, text: str) -> None:
 
 def saved_as(window, ending: str, path):
     """Report…, with this ending."""
+    def saved() -> bool:
+        return path.exists() and path.stat().st_size > 0  # an empty file reserves its name
+
     window.click(*REPORT)
-    time.sleep(1.5)
+    until(lambda: dimmed(window), "the dialog")
+    time.sleep(1.0)
     window.keys("ctrl+a")
     window.xdo("type", "--delay", "12", str(path))
-    time.sleep(0.7)
-    window.xdo("key", "Return")
+    time.sleep(1.0)
     try:
-        until(lambda: path.exists() and path.stat().st_size, f"the {ending}")  # its name is reserved by an empty file
+        answered(window, lambda: path.exists(), f"the {ending}")
+        until(saved, f"the {ending}")
     except AssertionError:  # what the window shows says why
         window.picture("not-saved")
         raise
@@ -73,13 +81,14 @@ def test_a_note_is_kept_through_escape_a_crash_and_saving_and_goes_into_every_re
     all_points(scan)
     folder = scan.parents[1]
     window.click(*LISTED)  # selects the tool and chooses the note
-    time.sleep(1.0)
+    time.sleep(1.5)
     for keys in (("Down", "Down", "Return"), ("Up", "Escape")):  # to the third of the list; Esc leaves it
         window.click(*STATUS)
-        time.sleep(0.7)
+        time.sleep(1.5)
         for key in keys:
             window.xdo("key", key)
-            time.sleep(0.4)
+            time.sleep(0.8)
+        until(lambda: [note.status for note in notes_of(scan)] == ["done"], "the status")
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")
     until(project.exists, "the project")

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 _LINES = 5.5
 """Of the text field."""
+_ASKS = 8
+"""Frames: imgui takes the press and the release of the click that made the note in frames of their own, some frames late, and
+gives up the keys with them."""
 _THUMBNAIL = 512
 """Pixels of a small picture's longer side: twice what the panel is wide."""
 
@@ -35,16 +38,20 @@ class NoteActions(Protocol):
 
 
 class NoteFields:
-    """typing: whether the text takes the keys when it is drawn next.  viewer: shows an attached picture over the view."""
+    """viewer: shows an attached picture over the view."""
 
     def __init__(self) -> None:
-        self.typing = False
+        self._asks, self._active = 0, False  # frames in which the text still asks for the keys; whether it has them
         self.viewer = PictureViewer()
         self._path = ""
         self._small: np.ndarray | None = None
         self._problem = ""
         self._texture: moderngl.Texture | None = None
         self._worker: Worker | None = None
+
+    def type(self) -> None:
+        """The text takes the keys from the next frame on."""
+        self._asks, self._active = _ASKS, False
 
     def follow(self, context: ToolContext, note: Annotation | None) -> None:
         """Reads the attached picture of the note that is shown, on a thread; only of that one."""
@@ -78,11 +85,13 @@ class NoteFields:
         """The fields of a note; each change is a step of the document."""
         note = context.document.annotations[number]
         ui.push_id(note.made or str(number))  # of another note it is another field, which has not the text being typed
-        if self.typing:
+        if self._asks > 0 and not self._active:
             ui.set_keyboard_focus_here()
-            self.typing = False
         changed, text = ui.input_text_multiline("##text", note.text, (-1, _LINES * ui.get_text_line_height()),
                                                 ui.InputTextFlags_.word_wrap)
+        self._asks, self._active = max(self._asks - 1, 0), ui.is_item_active()
+        if self._asks > 0:
+            context.wake()  # a window at rest draws no further frame
         if changed and not ui.is_key_pressed(ui.Key.escape):  # Esc leaves the field; imgui would take back what was typed
             tool.change(context, number, "Text of a note", ("note text", number), text=text)
         if not note.text and not ui.is_item_active():

@@ -78,7 +78,8 @@ class Notes(Tool):
     def choose(self, number: int | None, *, typing: bool = False) -> None:
         """Shows a note in the panel.  typing: its text takes the keys."""
         self.chosen = number
-        self._fields.typing = typing
+        if typing:
+            self._fields.type()
 
     def follow(self, context: ToolContext) -> None:
         notes = context.document.annotations
