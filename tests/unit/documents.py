@@ -13,6 +13,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import CameraPath, Document, Keyframe, ScanFile
 from pointglass.viewer.work.fits.fit import Fit
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.volume import Volume
 from pointglass.viewer.work.notes.annotation import STATUSES, Annotation
 from pointglass.viewer.work.viewpoint import Viewpoint
 
@@ -42,6 +43,14 @@ def random_fits(random, kind: str) -> list[Fit | None]:
     return found
 
 
+def random_volume(random, kind: str) -> Volume | None:
+    """What a measurement of a kind of KINDS has found inside its polygon."""
+    if kind != "volume":
+        return None
+    return Volume(*map(float, random.random(5)), vector(random.uniform(-1e6, 1e6, 3)), vector(random.normal(size=3)),
+                  *map(float, random.random(4)), int(random.integers(30, 10_000)))
+
+
 def random_motion(random) -> Rows | None:
     """A transformation of a scan, of two in three."""
     if random.random() < 1 / 3:
@@ -65,7 +74,7 @@ def random_document(random, scans: list[str]) -> Document:
                      for item in found)
 
     kinds = list(KINDS)
-    measurements = [Measurement(kind, points(kind), f"M {i}")
+    measurements = [Measurement(kind, points(kind), f"M {i}", volume=random_volume(random, kind))
                     for i, kind in enumerate(random.choice(kinds, 4))]
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     rows = tuple(vector(row) for row in axes)

@@ -64,6 +64,30 @@ def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
     assert not np.array_equal(with_it, d.canvas()), "a stored measurement is drawn with every tool"
 
 
+def check_the_volume_inside_a_polygon_is_measured_by_clicks_and_enter(d: Driver) -> None:
+    before = d.session.document.measurements
+    d.key("T")
+    tool = d.app.toolbox.active
+    tool.kind = "volume"
+    d.session.flight.look(0, 150)
+    d.rest()
+    for turn in np.arange(8) * np.pi / 4:  # around; a click on a pixel without points sets none
+        d.click(*middle(d, 0.15 * np.cos(turn), 0.15 * np.sin(turn)))
+    assert len(tool.points) >= 3
+    d.key("ENTER")
+    d.until(lambda: not tool.answering)
+    (made,) = d.session.document.measurements[len(before):]
+    assert made.kind == "volume" and made.volume is not None and made.volume.area > 0.1 and made.volume.count > 100
+    assert abs(made.volume.net) <= made.volume.uncertainty < 0.01, "a level floor"
+    d.canvas()
+    chord(d, "Z")
+    assert d.session.document.measurements == before
+    tool.kind = "distance"
+    d.key("T")
+    d.session.flight.look(0, -150)
+    d.rest()
+
+
 def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> None:
     from PIL import Image
 

@@ -97,7 +97,7 @@ def test_every_tool_has_a_name_of_its_own_and_fly_is_first():
 def test_measuring_says_at_the_pointer_what_a_click_does_and_when_enter_ends(kind):
     tool, context = Measure(), SimpleNamespace(document=SimpleNamespace(measurements=()))
     tool.kind, fewest, most = kind, KINDS[kind].fewest, KINDS[kind].most
-    assert tool.hint(context) == ("Click a flat surface" if KINDS[kind].surfaces else "Click the first point")
+    assert tool.hint(context) == f"Click {KINDS[kind].click(0)}"
     for placed in range(1, most or 5):
         tool.points.append(MeasuredPoint((float(placed), 0.0, 0.0)))
         text = tool.hint(context)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from documents import random_fits
+from documents import random_fits, random_volume
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
@@ -26,7 +26,7 @@ def one_of_each(seed) -> dict[str, Measurement]:
     for kind in KINDS:
         places = [vector(random.uniform(-1e6, 1e6, 3)) for _ in range(KINDS[kind].fewest)]
         points = [MeasuredPoint(at, 0.0, 1e-2, fit=fit) for at, fit in zip(places, random_fits(random, kind), strict=True)]
-        made[kind] = Measurement(kind, tuple(points), f"{kind} é 北 \"1\"")
+        made[kind] = Measurement(kind, tuple(points), f"{kind} é 北 \"1\"", volume=random_volume(random, kind))
     return made
 
 
@@ -64,13 +64,13 @@ def test_map_features_have_the_coordinates_of_the_file_and_name_its_system(tmp_p
     read = json.loads(path.read_text(encoding="utf-8"))
     assert read["type"] == "FeatureCollection" and read["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::2256"
     assert len(read["features"]) == len(KINDS)
-    kinds = {"area": "Polygon", "plane": "Polygon", "circle": "Polygon", "corner": "Point", "edge": "MultiPoint"}
+    kinds = {**dict.fromkeys(("area", "volume", "plane", "circle"), "Polygon"), "corner": "Point", "edge": "MultiPoint"}
     for feature in read["features"]:
         made = one_of_each[feature["properties"]["kind"]]
         result, facts, geometry = evaluate(made), feature["properties"], feature["geometry"]
         assert facts["name"] == made.name and facts["uncertainty_k2"] == result.uncertainty
         assert facts["value"] == (None if made.kind == "corner" else result.value)
-        assert facts["unit"] == {0: "deg", 2: "ft^2"}.get(result.power, "ft") if result.power is not None else "ft"
+        assert facts["unit"] == {0: "deg", 2: "ft^2", 3: "ft^3"}.get(result.power, "ft") if result.power is not None else "ft"
         assert geometry["type"] == kinds.get(made.kind, "LineString")
         if geometry["type"] == "Polygon":
             (ring,) = geometry["coordinates"]

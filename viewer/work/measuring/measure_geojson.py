@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .measure_shapes import shapes_of
-from .measure_text import silhouette_text, unit_name, value_text
+from .measure_text import base_height, silhouette_text, unit_name, value_text
 from .measurement import Measurement
 from .values import components, evaluate
 
@@ -33,12 +33,16 @@ def _feature(measurement: Measurement, unit: str) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "name": measurement.name, "kind": measurement.kind, "text": value_text(measurement, unit),
         "value": None if result.place is not None else result.value, "uncertainty_k2": result.uncertainty,
-        "unit": {0: "deg", 1: unit, 2: f"{unit}^2", None: unit}[result.power],
+        "unit": {0: "deg", 1: unit, 2: f"{unit}^2", 3: f"{unit}^3", None: unit}[result.power],
     }  # fmt: skip
     if (parts := components(measurement)) is not None:
         facts |= {"horizontal": parts.horizontal, "vertical": parts.vertical, **dict(zip(("dx", "dy", "dz"), parts.along))}
     if about := silhouette_text(measurement):
         facts["note"] = about
+    if (volume := measurement.volume) is not None:
+        facts |= {"cut": volume.cut, "cut_uncertainty_k2": volume.cut_uncertainty, "fill": volume.fill,
+                  "fill_uncertainty_k2": volume.fill_uncertainty, "base_height": base_height(measurement), "area": volume.area,
+                  "empty_share": volume.empty, "layered_share": volume.layered}  # fmt: skip
     if (fit := measurement.fit) is not None:
         facts |= {"direction": list(fit.direction), "scatter": fit.sigma, "points": fit.count}
     return {"type": "Feature", "geometry": _geometry(measurement), "properties": facts}

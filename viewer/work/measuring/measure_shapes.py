@@ -75,6 +75,10 @@ def shapes_of(measurement: Measurement) -> Shapes:
         corner = points[0] + up * ((points[1] - points[0]) @ up)  # above or below the first, as high as the second
         lines = [Line(np.array([points[0], corner])), Line(np.array([corner, points[1]]), helper=True)]
         return Shapes((points[0] + corner) / 2, lines, points=points)
+    if (volume := measurement.volume) is not None:
+        up, place = np.array(measurement.up), np.array(volume.place)
+        base = points - np.outer((points - place) @ (up + volume.slope), up)  # along the up axis, onto the base
+        return Shapes(place, [Line(points, closed=True), Line(base, closed=True, helper=True)], area=base, points=points)
     if kind == "area":
         at, normal, _ = fitted_plane(points)
         flat = points - np.outer((points - at) @ normal, normal)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 from ...common.text import exact_text
-from .measure_text import unit_name
+from .measure_text import base_height, unit_name
 from .measurement import MeasuredPoint, Measurement
 from .values import components, evaluate
 
@@ -15,15 +15,18 @@ OF_FIT = ("place_x", "place_y", "place_z", "direction_x", "direction_y", "direct
 """Of the surface fitted at a point: a place on the plane or on the axis, and its normal or the direction of the axis."""
 FOUND = ("found_x", "found_y", "found_z")
 """The place that a measurement has found, of a corner; it has no value then."""
+OF_VOLUME = ("cut", "cut_uncertainty_k2", "fill", "fill_uncertainty_k2", "base_height", "area", "empty_share", "layered_share")
+"""Of a volume, whose value is cut - fill: above and below the base, the base in the middle of the polygon, and the shares of
+the area without points and with walls or two surfaces."""
 SILHOUETTE = "beyond"
 """Of a point on a silhouette: how far the contour may lie beyond it."""
 COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan",
-           *PARTS, *OF_FIT, *FOUND, SILHOUETTE)
+           *PARTS, *OF_FIT, *FOUND, SILHOUETTE, *OF_VOLUME)
 
 
 def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
     """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point with the surface fitted there; in the first
-    of each measurement the value, the parts of a distance, and the place found."""
+    of each measurement the value, the parts of a distance, the place found, and what a volume is made of."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(COLUMNS)
@@ -32,7 +35,7 @@ def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None)
         result = evaluate(measurement)
         value = exact_text(result.value) if result.place is None else ""
         head = [measurement.name, measurement.kind, value, exact_text(result.uncertainty),
-                {0: "deg", 1: unit, 2: f"{unit}^2", None: unit}[result.power],
+                {0: "deg", 1: unit, 2: f"{unit}^2", 3: f"{unit}^3", None: unit}[result.power],
                 exact_text(result.residual)]
         parts = components(measurement)
         of_it = [""] * len(PARTS) if parts is None else [*map(exact_text, (parts.horizontal, parts.vertical, *parts.along))]
@@ -44,8 +47,17 @@ def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None)
                 exact_text(point.spacing), exact_text(point.noise), point.scan, *(of_it if first else [""] * len(of_it)),
                 *_of_fit(point), *(found if first else [""] * len(found)),
                 "" if point.beyond is None else exact_text(math.hypot(*point.beyond)),
+                *(_of_volume(measurement) if first else [""] * len(OF_VOLUME)),
             ])  # fmt: skip
     return out.getvalue()
+
+
+def _of_volume(measurement: Measurement) -> list[str]:
+    if (volume := measurement.volume) is None:
+        return [""] * len(OF_VOLUME)
+    values = (volume.cut, volume.cut_uncertainty, volume.fill, volume.fill_uncertainty, base_height(measurement), volume.area,
+              volume.empty, volume.layered)  # fmt: skip
+    return [exact_text(value) for value in values]
 
 
 def _of_fit(point: MeasuredPoint) -> list[str]:

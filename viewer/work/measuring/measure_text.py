@@ -23,7 +23,7 @@ def unit_name(metres_per_unit: float | None) -> str:
 
 def unit_text(power: int | None, unit: str) -> str:
     """The unit of a value: degrees for power 0; of a place that of a length."""
-    return {0: "°", 1: unit, 2: f"{unit}²", None: unit}[power]
+    return {0: "°", 1: unit, 2: f"{unit}²", 3: f"{unit}³", None: unit}[power]
 
 
 def text_of(result: Result, unit: str) -> str:
@@ -62,10 +62,33 @@ def components_text(parts: Components, unit: str) -> str:
 def silhouette_text(measurement: Measurement) -> str:
     """What is said of a measurement with points on a silhouette; "" of others."""
     on_it = sum(point.beyond is not None for point in measurement.points)
-    if not on_it:
+    if not on_it or measurement.kind == "volume":  # its polygon is what was clicked
         return ""
     which = "" if on_it == len(measurement.points) else "one point " if on_it == 1 else f"{on_it} points "
     return f"{which}on a silhouette: less exact{'; Pipe fits the diameter' if measurement.kind == 'distance' else ''}"
+
+
+def volume_text(measurement: Measurement, unit: str) -> str:
+    """Lines about a volume: what lies above and below the base, the base, and what of the area was not measured; "" of other
+    kinds."""
+    if (volume := measurement.volume) is None:
+        return ""
+    above = text_of(Result(volume.cut, volume.cut_uncertainty, 3), unit)
+    below = text_of(Result(volume.fill, volume.fill_uncertainty, 3), unit)
+    tilt = math.degrees(math.atan(math.hypot(*volume.slope)))
+    lines = [f"cut (above) {above}", f"fill (below) {below}",
+             f"base at height {base_height(measurement):.3f} {unit}, {f'{tilt:.1f}° inclined' if tilt > 0.05 else 'level'}",
+             f"{text_of(Result(volume.area, 0.0, 2), unit)} in cells of {volume.cell:.2g} {unit}, {volume.count:,} points"]
+    if volume.empty >= 0.005:
+        lines.append(f"{100 * volume.empty:.0f} % of the area has no points: interpolated, less exact")
+    if volume.layered >= 0.02:
+        lines.append(f"{100 * volume.layered:.0f} % of the area has walls or two surfaces: clip away what is not meant")
+    return "\n".join(lines)
+
+
+def base_height(measurement: Measurement) -> float:
+    """Of a volume's base in the middle of its polygon, along the up axis; 0 of other kinds."""
+    return 0.0 if measurement.volume is None else float(np.dot(measurement.volume.place, measurement.up))
 
 
 def fit_text(measurement: Measurement, unit: str) -> str:

@@ -44,6 +44,8 @@ def evaluate(measurement: Measurement) -> Result:
     if (of_planes := OF_PLANES.get(measurement.kind)) is not None:
         value, spread, place = of_planes(measurement.points)
         return Result(value, spread, power, residual, place)
+    if (volume := measurement.volume) is not None:
+        return Result(volume.net, volume.uncertainty, power)
     if (fit := measurement.fit) is not None:
         if fit.kind == "plane":
             return Result(fit.tilt(measurement.up), fit.tilt_uncertainty, power, residual)

@@ -1,11 +1,13 @@
-"""The measurements of the document as the outliner lists them."""
+"""The measurements of the document as the outliner and the tool's panel list them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ....work.document import replaced, without
-from ....work.measuring.measure_text import value_text
+from ....work.measuring.measure_text import components_text, fit_text, silhouette_text, value_text, volume_text
+from ....work.measuring.values import components, evaluate
 from ...flight.navigation import view_along
 from ...kit import icons
 from ..editing import edit, unit_of
@@ -36,6 +38,33 @@ def measurement_group(tool: Tool, context: ToolContext) -> Group:
                                                    measurements=without(found, number)),
                  })  # fmt: skip
 
+
+def draw_list(ui: Any, context: ToolContext) -> None:
+    """Every measurement in the panel: its name, its value and what is known about it."""
+    found, unit = context.document.measurements, unit_of(context)
+    for number, item in enumerate(found):
+        ui.push_id(number)
+        ui.separator()
+        ui.set_next_item_width(-40.0)
+        changed, name = ui.input_text("##name", item.name)
+        if changed:
+            edit(context, "Rename measurement", ("rename", number),
+                 measurements=replaced(found, number, replace(item, name=name)))
+        ui.same_line()
+        gone = ui.small_button("x")
+        if ui.is_item_hovered():
+            ui.set_tooltip("Delete this measurement")
+        ui.text_wrapped(value_text(item, unit))
+        for about in filter(None, (fit_text(item, unit), volume_text(item, unit), silhouette_text(item))):
+            ui.text_wrapped(about)
+        if (parts := components(item)) is not None:
+            ui.text_wrapped(components_text(parts, unit))
+        if item.kind == "area":
+            ui.text_wrapped(f"corners lie {evaluate(item).residual:.4f} {unit} (RMS) off their plane")
+        ui.pop_id()
+        if gone:
+            edit(context, f"Delete {item.name}", measurements=without(found, number))
+            return
 
 def look_at(context: ToolContext, number: int) -> None:
     """Flies straight towards a measurement, to where it fills about a third of the picture; turns where that is nearer."""

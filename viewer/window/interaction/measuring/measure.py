@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from ....common.errors import InputError, PointglassError
 from ....common.text import counted
-from ....work.document import replaced, unique_name, without
+from ....work.document import unique_name
 from ....work.measuring.measure_files import ENDINGS, write_measurements
-from ....work.measuring.measure_text import components_text, fit_text, silhouette_text, text_of, value_text
+from ....work.measuring.measure_text import silhouette_text, text_of
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
-from ....work.measuring.values import components, evaluate
+from ....work.measuring.values import evaluate
 from ....work.places.pick import Picked
 from ...kit import icons
 from ...saving.capture import name_kept
@@ -25,12 +25,15 @@ from ..outline import Group
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .drawing import draw_begun, draw_measurement
 from .fitting import Fitting
-from .listed_measurements import measurement_group
+from .listed_measurements import draw_list, measurement_group
+from .volumes import Volumes
 
 if TYPE_CHECKING:
     from ....work.document import Document
     from ....work.history import History
+    from ....work.measuring.volume import Volume
     from ...kit.overlay import OverlayCanvas
+    from ...kit.worker import Worker
 
 
 class Measure(Tool):
@@ -47,7 +50,7 @@ class Measure(Tool):
         self._pointing = Pointing()
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
-        self._fitting = Fitting()
+        self._fitting, self._volumes = Fitting(), Volumes()
         self._history: History[Document] | None = None  # of the work that the points belong to
         self._export: ExitStack | None = None  # waits for points; it keeps the name of its file
 
@@ -101,6 +104,7 @@ class Measure(Tool):
 
         self.points = at_place(self.points)
         self._fitting.moved(at_place)
+        self._volumes.moved(at_place)
         context.session.work.history.revise(corrected)
 
     def follow(self, context: ToolContext) -> None:
@@ -109,6 +113,7 @@ class Measure(Tool):
         if work.history is not self._history:
             if self._history is not None:
                 self._fitting.stop()
+                self._volumes.stop()
             self._history, begun = work.history, work.begun
             if self._export is not None:  # its points are no longer read
                 self._end_export()
@@ -120,10 +125,12 @@ class Measure(Tool):
         if begun != work.begun:
             work.begun = begun
         self._take_fitted(context)
-        self.answering = bool(self._fitting.points)
+        self.answering = bool(self._fitting.points or self._volumes.points)
 
     def _take_fitted(self, context: ToolContext) -> None:
-        """Surfaces of clicks have been found."""
+        """Surfaces of clicks have been found, or the volume of a polygon."""
+        if (measured := self._volumes.taken(context)) is not None:
+            self._add("volume", measured[0], context, measured[1])
         while (found := self._fitting.taken(context, len(self.points))) is not None:
             kind, point = found
             if KINDS[kind].most == 1:
@@ -132,8 +139,9 @@ class Measure(Tool):
                 self._set(point, context)
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
-        if event.key == "ESCAPE" and event.kind == "press" and self._fitting.points:
+        if event.key == "ESCAPE" and event.kind == "press" and (self._fitting.points or self._volumes.points):
             self._fitting.stop()
+            self._volumes.stop()
             return True
         if event.kind == "release" or not (self.points or self._fitting.points):
             return False
@@ -176,13 +184,17 @@ class Measure(Tool):
             return
         points = tuple(self.points)
         self.points.clear()
-        self._add(self.kind, points, context)
+        if self.kind == "volume":
+            self._volumes.start(context, points)
+            self.answering = True
+        else:
+            self._add(self.kind, points, context)
 
-    def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext) -> None:
+    def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext, volume: "Volume | None" = None) -> None:
         document = context.document
         name = unique_name(KINDS[kind].name, (item.name for item in document.measurements))
         try:
-            made = Measurement(kind, points, name, document.up)
+            made = Measurement(kind, points, name, document.up, volume)
         except InputError as error:  # of planes that have no corner
             context.toast(str(error))
             return
@@ -194,6 +206,8 @@ class Measure(Tool):
         kind = KINDS[self.kind]
         placed = len(self.points) + (len(self._fitting.of(self.kind)) if kind.most != 1 else 0)
         click = f"Click {kind.click(placed)}"
+        if self._volumes.points:
+            return "Measuring the volume…  ·  Esc gives up"
         if self._fitting.points:
             more = f"  ·  {click}" if 0 < placed < (kind.most or 0) else ""
             return f"Fitting…{more}  ·  Esc gives up"
@@ -217,7 +231,7 @@ class Measure(Tool):
         if not self.points:
             return
         if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
-            made = Measurement(self.kind, tuple(points), "", context.document.up)
+            made = Measurement("area" if self.kind == "volume" else self.kind, tuple(points), "", context.document.up)
             result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
             overlay.label(draw_measurement(overlay, made, "warn"), text_of(result, unit_of(context)))
         else:
@@ -235,6 +249,8 @@ class Measure(Tool):
                 if ui.is_item_hovered():
                     ui.set_tooltip(kind.what)
             ui.end_combo()
+        if self.kind == "volume":
+            self._volumes.panel(ui, context)
         history = context.session.work.history
         ui.begin_disabled(history.undo_label is None)
         if ui.button("Undo"):
@@ -252,29 +268,7 @@ class Measure(Tool):
         if not found:
             ui.text_wrapped("Click measured points. Values carry their uncertainty (95 %), from point spacing and range noise.")
             return
-        for number, item in enumerate(found):
-            ui.push_id(number)
-            ui.separator()
-            ui.set_next_item_width(-40.0)
-            changed, name = ui.input_text("##name", item.name)
-            if changed:
-                edit(context, "Rename measurement", ("rename", number),
-                     measurements=replaced(found, number, replace(item, name=name)))
-            ui.same_line()
-            gone = ui.small_button("x")
-            if ui.is_item_hovered():
-                ui.set_tooltip("Delete this measurement")
-            ui.text_wrapped(value_text(item, unit_of(context)))
-            for about in filter(None, (fit_text(item, unit_of(context)), silhouette_text(item))):
-                ui.text_wrapped(about)
-            if (parts := components(item)) is not None:
-                ui.text_wrapped(components_text(parts, unit_of(context)))
-            if item.kind == "area":
-                ui.text_wrapped(f"corners lie {evaluate(item).residual:.4f} {unit_of(context)} (RMS) off their plane")
-            ui.pop_id()
-            if gone:
-                edit(context, f"Delete {item.name}", measurements=without(found, number))
-                return
+        draw_list(ui, context)
         ui.separator()
         if ui.button("Export…"):
             context.files.save("measurements", "Export the measurements", "measurements.csv", ENDINGS,
@@ -298,10 +292,15 @@ class Measure(Tool):
             waiting.close()
 
     @property
+    def workers(self) -> "list[Worker | None]":
+        return [self._volumes.worker]
+
+    @property
     def unfinished(self) -> str:
         return "Measurements are exported when their points have been read." if self._export is not None else ""
 
     def close(self) -> None:
+        self._volumes.stop()
         self._end_export()
 
     def _write(self, context: ToolContext, path: Path) -> None:

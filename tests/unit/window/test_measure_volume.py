@@ -1,0 +1,82 @@
+"""The volume of a polygon in the window, without a window: found beside the frame, one step, given up by Esc."""
+
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+from test_tool_actions import Context, click
+
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.picture.clip import vector
+from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.window.interaction.measuring.measure import Measure
+from pointglass.viewer.window.interaction.measuring.volumes import FITTED, MEAN, TYPED
+from pointglass.viewer.window.interaction.tool import KeyEvent
+from pointglass.viewer.work.measuring.measure_text import value_text, volume_text
+
+HEAP = 0.5**2 * 0.3
+"""Of a block of half a metre, 30 cm high, on the ground."""
+CORNERS = ((1.2, 5.0, 0.8), (2.8, 5.0, 0.8), (2.8, 5.0, 2.2), (1.2, 5.0, 2.2))
+
+
+@pytest.fixture(scope="module")
+def block():
+    """Ground at y = 5 with a block that rises to y = 4.7: the up axis is -y."""
+    x, z = (each.ravel() for each in np.meshgrid(np.arange(0, 4, 0.01), np.arange(0, 3, 0.01)))
+    top = (np.abs(x - 2) < 0.25) & (np.abs(z - 1.5) < 0.25)
+    xyz = np.column_stack([x, 5.0 - 0.3 * top, z])
+    return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
+
+
+def measuring(block) -> tuple[Context, Measure]:
+    context, tool = Context(block), Measure()
+    context.session.work.edit("Up", up=vector((0.0, -1.0, 0.0)))
+    tool.kind = "volume"
+    return context, tool
+
+
+def polygon(context, tool) -> None:
+    for corner in CORNERS:
+        click(tool, context, corner)
+    assert len(tool.points) == 4
+    tool.key_event(KeyEvent("ENTER", "press"), context)
+    assert tool.points == [] and tool.answering and tool.workers[0] is not None
+
+
+def ended(tool, context) -> None:
+    end = monotonic() + 60
+    while tool._volumes.points and monotonic() < end:
+        tool.follow(context)
+        sleep(0.01)
+    tool.follow(context)
+
+
+@pytest.mark.parametrize("base", [FITTED, MEAN, TYPED])
+def test_the_volume_inside_a_polygon_is_one_step_and_says_what_it_is_made_of(block, base):
+    context, tool = measuring(block)
+    tool._volumes.base = base
+    tool._volumes.height = -5.1 if base == TYPED else None
+    polygon(context, tool)
+    assert "Esc gives up" in tool.hint(context) and context.document.measurements == ()
+    ended(tool, context)
+    assert not tool.answering
+    (made,) = context.document.measurements
+    assert made.kind == "volume" and made.volume is not None
+    more = 0.1 * made.volume.area if base == TYPED else 0.0
+    assert abs(made.volume.net - HEAP - more) <= made.volume.uncertainty < 0.2 * HEAP
+    text = volume_text(made, "m")
+    assert value_text(made, "m").endswith(" m³") and f"base at height {-5.1 if base == TYPED else -5.0:.3f} m, level" in text
+    assert "cut (above)" in text and "fill (below)" in text
+    assert context.session.work.undo() == "Measure volume" and context.document.measurements == ()
+
+
+def test_a_volume_is_given_up_by_esc_and_a_polygon_without_area_is_refused(block):
+    context, tool = measuring(block)
+    polygon(context, tool)
+    assert tool.key_event(KeyEvent("ESCAPE", "press"), context) and not tool._volumes.points
+    ended(tool, context)
+    assert context.document.measurements == ()
+    context.session.work.edit("Up", up=vector((0.0, 0.0, 1.0)))
+    polygon(context, tool)
+    ended(tool, context)
+    assert context.document.measurements == () and context.toasts[-1].startswith("These corners lie in one line")

@@ -1,0 +1,103 @@
+"""Volumes inside a polygon: the true ones of synthetic heaps and pits lie inside what is stated."""
+
+import numpy as np
+import pytest
+
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.work.fits.measured import in_cloud
+from pointglass.viewer.work.measuring.height_grid import MOST, measured_volume
+from pointglass.viewer.work.measuring.volume import Volume
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def heights(kind: str, flat: np.ndarray, size: float, tall: float) -> np.ndarray:
+    away = np.linalg.norm(flat, axis=1)
+    if kind == "cone":
+        return np.maximum(tall * (1 - away / size), 0.0)
+    if kind == "hemisphere":
+        return np.sqrt(np.maximum(size**2 - away**2, 0.0))
+    return np.where((np.abs(flat) < size).all(axis=1), tall, 0.0)
+
+
+def heap(random, kind: str, *, shadow: bool, pit: bool = False) -> tuple[float, Volume]:
+    """True volume, and the measured one.  A heap on level ground, seen from a scanner: points of what faces away from it are
+    left out with ``shadow``.  The walls of a box are measured, those that the scanner sees."""
+    size, noise = float(random.uniform(0.8, 2.0)), float(random.uniform(0.001, 0.005))
+    spacing = float(random.uniform(0.02, 0.05)) * size
+    tall = float(random.uniform(0.4, 0.9)) * size
+    count = int((6 * size / spacing) ** 2)
+    flat = random.uniform(-3 * size, 3 * size, (count, 2))
+    z = heights(kind, flat, size, tall)
+    xyz = np.column_stack([flat, z])
+    turn = random.uniform(0, 2 * np.pi)
+    scanner = np.array([8 * size * np.cos(turn), 8 * size * np.sin(turn), float(random.uniform(1.5, 3.0)) * size])
+    if kind == "box":
+        walls = int(8 * size * tall / spacing**2)
+        along, side = random.uniform(-size, size, walls), random.integers(0, 4, walls)
+        wall = np.where(side[:, None] < 2, np.column_stack([along, np.where(side == 0, -size, size)]),
+                        np.column_stack([np.where(side == 2, -size, size), along]))
+        xyz = np.concatenate([xyz, np.column_stack([wall, random.uniform(0, tall, walls)])])
+    if shadow:
+        seen = np.ones(len(xyz), bool)
+        for t in np.linspace(0.04, 1, 70) ** 2:
+            way = xyz + t * (scanner - xyz)
+            seen &= way[:, 2] >= heights(kind, way[:, :2], size, tall) - 0.02 * size
+        xyz = xyz[seen]
+    truth = {"cone": np.pi * size**2 * tall / 3, "hemisphere": 2 / 3 * np.pi * size**3, "box": 4 * size**2 * tall}[kind]
+    if pit:
+        xyz[:, 2] *= -1
+    xyz[:, 2] += random.normal(size=len(xyz)) * noise
+    shift = random.uniform(-1e5, 1e5, 3)
+    angles = np.sort(random.uniform(0, 2 * np.pi / 7, 7)) + np.arange(7) * 2 * np.pi / 7
+    ring = 2.4 * size * np.column_stack([np.cos(angles), np.sin(angles)])
+    corners = np.column_stack([ring, random.normal(size=7) * noise]) + shift
+    place = corners[0]
+    level = None if random.random() < 0.5 else "level"
+    found = measured_volume(in_cloud(xyz + shift, place, MOST), corners - place, np.full(7, noise), spacing, UP, level)
+    return -truth if pit else truth, found
+
+
+@pytest.mark.parametrize("kind", ["cone", "hemisphere", "box"])
+@pytest.mark.parametrize("shadow", [False, True])
+def test_true_volumes_lie_inside_what_is_stated(seed, kind, shadow):
+    random = np.random.default_rng(seed)
+    made = [heap(random, kind, shadow=shadow) for _ in range(12)]
+    off = np.array([found.net - truth for truth, found in made])
+    stated = np.array([found.uncertainty for _, found in made])
+    assert np.mean(np.abs(off) <= stated) >= 0.8, "of twelve; of hundreds 95 %"
+    assert np.median(stated / np.abs([truth for truth, _ in made])) < (0.5 if shadow else 0.06)
+    empty = np.median([found.empty for _, found in made])
+    assert (0.01 < empty < 0.6) if shadow else empty < 0.02
+
+
+def test_a_pit_is_fill_and_a_heap_is_cut(seed):
+    random = np.random.default_rng(seed)
+    for pit in (False, True):
+        truth, found = heap(random, "hemisphere", shadow=False, pit=pit)
+        part, unsure = (found.fill, found.fill_uncertainty) if pit else (found.cut, found.cut_uncertainty)
+        assert abs(part - abs(truth)) < 2 * unsure < 0.3 * abs(truth)
+        assert found.net == pytest.approx(found.cut - found.fill) and min(found.cut, found.fill) < 0.05 * abs(truth)
+
+
+def test_a_level_base_at_a_height_counts_from_there_and_a_ceiling_is_left_out(seed):
+    random = np.random.default_rng(seed)
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    flat = random.uniform(-2, 2, (40_000, 2))
+    floor = np.column_stack([flat, random.normal(size=len(flat)) * 0.002])
+    ceiling = floor + [0, 0, 2.5]
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    height = float(random.uniform(-0.3, 0.3))
+    points = in_cloud(np.concatenate([floor, ceiling]) @ axes, np.zeros(3), MOST)
+    found = measured_volume(points, corners @ axes, np.zeros(4), 0.02, axes[2], height)
+    assert found.area == pytest.approx(4.0) and found.net == pytest.approx(-4 * height, abs=max(found.uncertainty, 1e-3))
+    assert found.uncertainty < 0.01 and found.empty < 0.1 and found.layered == 0
+
+
+def test_polygons_that_enclose_nothing_and_empty_ones_are_refused():
+    points = in_cloud(np.random.default_rng(1).uniform(-1, 1, (1000, 3)) * [1, 1, 0], np.zeros(3))
+    for corners, problem in (([[0, 0, 0], [1, 1, 0], [1, 0, 0], [0, 1, 0]], "cross"),
+                             ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], "one line"),
+                             ([[5, 5, 0], [6, 5, 0], [6, 6, 0]], "too few")):
+        with pytest.raises(InputError, match=problem):
+            measured_volume(points, np.array(corners, float), np.zeros(len(corners)), 0.05, UP)

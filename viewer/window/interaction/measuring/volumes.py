@@ -1,0 +1,91 @@
+"""The volume inside a polygon, found on a thread when the polygon is ended; and the base from which it is measured."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....picture.clip import vector
+from ....work.fits.measured import in_scene
+from ....work.measuring.height_grid import MOST, measured_volume
+from ....work.measuring.measurement import MeasuredPoint
+from ....work.measuring.volume import Volume
+from ...kit.worker import Worker
+from ..editing import drawn_points, unit_of
+
+if TYPE_CHECKING:
+    from ..tool import ToolContext
+
+FITTED, MEAN, TYPED = "through its corners", "level, at their mean height", "level, at a height"
+BASES = {FITTED: "the plane nearest to the corners", MEAN: "level, as high as the corners are in the mean",
+         TYPED: "level, at a height that is typed, taken as exact"}  # fmt: skip
+"""The bases from which volumes are measured, and what each is."""
+
+
+class Volumes:
+    """base: of the next volume, a key of BASES.  height: of TYPED, along the up axis, file units; None: of the first corner.
+    worker: of the volume that is being found.  points: of its polygon."""
+
+    def __init__(self) -> None:
+        self.base = FITTED
+        self.height: float | None = None
+        self.worker: Worker | None = None
+        self.points: tuple[MeasuredPoint, ...] = ()
+
+    def start(self, context: "ToolContext", points: tuple[MeasuredPoint, ...]) -> None:
+        """Finds the volume of the drawn points inside a polygon; one that is being found already is given up."""
+        self.stop()
+        scene, kept, up = context.scene, drawn_points(context), np.array(context.document.up)
+        assert scene is not None
+        corners = np.array([point.position for point in points])
+        place = corners[0]
+        noise, spacing = np.array([point.noise for point in points]), float(np.median([point.spacing for point in points]))
+        level = {FITTED: None, MEAN: "level"}.get(self.base, (float(place @ up) if self.height is None else self.height))
+        if isinstance(level, float):
+            level -= float(place @ up)
+
+        def work() -> Volume:
+            found = measured_volume(in_scene(scene, place, kept, MOST), corners - place, noise, spacing, up, level, scene.step)
+            return replace(found, place=vector(place + found.place))
+
+        self.points = points
+        self.worker = Worker(work, "Measuring the volume", context.wake)
+
+    def stop(self) -> None:
+        """Gives up what is being found."""
+        if self.worker is not None:
+            self.worker.cancel()
+        self.worker, self.points = None, ()
+
+    def moved(self, at_place: Callable[[list[MeasuredPoint]], list[MeasuredPoint]]) -> None:
+        """Gives points their place in the file, which has been read meanwhile."""
+        self.points = tuple(at_place(list(self.points)))
+
+    def taken(self, context: "ToolContext") -> tuple[tuple[MeasuredPoint, ...], Volume] | None:
+        """The polygon and its volume, once, when that has been found.  Says so where there is none."""
+        if self.worker is None or not self.worker.finished:
+            return None
+        worker, points = self.worker, self.points
+        self.worker, self.points = None, ()
+        if worker.error is not None:
+            line = str(worker.error)
+            context.toast(line[:1].upper() + line[1:])
+        return None if worker.error is not None or worker.cancelled else (points, worker.result)
+
+    def panel(self, ui: Any, context: "ToolContext") -> None:
+        """The base of the next volume."""
+        ui.set_next_item_width(-1)
+        if ui.begin_combo("##base", f"Base {self.base}"):
+            for name, what in BASES.items():
+                if ui.selectable(name, self.base == name)[0]:
+                    self.base = name
+                if ui.is_item_hovered():
+                    ui.set_tooltip(what)
+            ui.end_combo()
+        if self.base == TYPED:
+            ui.set_next_item_width(-1)
+            changed, height = ui.input_double("##height", self.height or 0.0, 0.0, 0.0, f"%.3f {unit_of(context)}")
+            self.height = height if changed else self.height
+            if ui.is_item_hovered():
+                ui.set_tooltip("Height of the base along the up axis; until one is typed, that of the first corner")
