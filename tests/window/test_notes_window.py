@@ -17,7 +17,7 @@ from pointglass.viewer.work.project import read_project
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 LISTED = 100, 236
 """Of the outliner: the first row below its groups' titles."""
-STATUS, REPORT = (1150, 177), (1105, 318)
+STATUS, REPORT = (1150, 215), (1105, 356)
 """Of the panel with one note, at a window of 1280 x 720."""
 
 

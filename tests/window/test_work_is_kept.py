@@ -2,7 +2,9 @@
 
 import contextlib
 import os
+import shutil
 import signal
+import subprocess
 import time
 
 import numpy as np
@@ -291,3 +293,21 @@ def test_a_project_whose_file_is_deleted_meanwhile_is_asked_for_and_saved_again(
     window.close()
     answered(window, lambda: window.process.poll() is not None, "the end, after Save")
     assert window.ended() == 0 and read_project(project).measurements == made
+
+
+def test_ctrl_z_is_the_key_that_prints_z_on_a_french_keyboard(display, scan):
+    """There it lies where W is, which flies forward."""
+    if not shutil.which("setxkbmap"):
+        pytest.skip("setxkbmap is not installed (apt install x11-xkb-utils)")
+    window = opened(display, scan)
+    window.keys("t")
+    measure(window)
+    try:
+        subprocess.run(["setxkbmap", "fr"], env=window.environment, check=True)
+        window.keys("ctrl+z")
+        until(lambda: "•" not in window.title, "the undo")
+        window.keys("ctrl+y")
+        until(lambda: "•" in window.title, "the redo")
+    finally:
+        subprocess.run(["setxkbmap", "us"], env=window.environment, check=True)
+    window.process.kill()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ... import __version__
 from ...common.errors import InputError
+from ...common.failures import tell
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...picture.edits import NO_EDITS, Edits
@@ -94,7 +95,10 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
                              remedy="give --seconds, which takes them as keyframes")
         return [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)], rate
     stays = own.stays if stay is None else (stay,) * len(cameras)
-    return interpolate(cameras, count, Pace(float(length or 0.0), stays, ease or own.ease)), rate
+    pace = Pace(float(length or 0.0), stays, ease or own.ease)
+    if pace.shortened:
+        tell(pace.shortened)
+    return interpolate(cameras, count, pace), rate
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ import numpy as np
 
 from ... import __version__
 from ...common.text import printable
-from ..section.sheet_text import POINTS, fitting, text_width, write
+from ...work.pictures.drawn_over import letters
+from ..section.sheet_text import POINTS, fitting, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,9 +24,20 @@ WIDTH = PAGE[0] - 2 * MARGIN
 DPI = 170
 """Pixels an inch at which pictures are drawn: viewer.commands.report.view_pictures.SIZE as wide as the text."""
 _MM = 25.4
+_MOST_A_LINE = 1000
+"""Letters of a line, at most: of the narrowest, at the smallest size."""
 _INK, _QUIET, _LINE = "#16191d", "#6a7078", "#c9cdd3"
+_BOLDER = 1.15
+"""Width of bold letters, times that of others."""
+_MEASURED = 64
+"""Pixels of the font by which lines are measured."""
 _LEADING = 1.45
 """Of a line of text, times its size."""
+
+
+def line_width(text: str, size: float) -> float:
+    """Millimetres of a line of text.  size: of the font, points.  By the font's own widths, fast for long texts."""
+    return letters(_MEASURED).getlength(text) / _MEASURED * size / POINTS
 
 
 def wrapped(text: str, width: float, size: float) -> list[str]:
@@ -35,12 +47,12 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
         line = ""
         for word in printable(paragraph.expandtabs(4)).split():
             longer = f"{line} {word}" if line else word
-            if text_width(longer, size) <= width:
+            if line_width(longer, size) <= width:
                 line = longer
                 continue
             if line:
                 lines.append(line)
-            while text_width(word, size) > width:
+            while line_width(word[:_MOST_A_LINE], size) > width:
                 cut = _fitting_letters(word, width, size)
                 lines.append(word[:cut])
                 word = word[cut:]
@@ -51,10 +63,10 @@ def wrapped(text: str, width: float, size: float) -> list[str]:
 
 def _fitting_letters(word: str, width: float, size: float) -> int:
     """How many letters of a word that is too wide fit, at least one."""
-    fits, too_many = 1, len(word)
+    fits, too_many = 1, min(len(word), _MOST_A_LINE)
     while too_many - fits > 1:
         middle = (fits + too_many) // 2
-        fits, too_many = (middle, too_many) if text_width(word[:middle], size) <= width else (fits, middle)
+        fits, too_many = (middle, too_many) if line_width(word[:middle], size) <= width else (fits, middle)
     return fits
 
 
@@ -102,14 +114,17 @@ class Pages:
             self.line([(0.0, line)], size, quiet=quiet)
 
     def line(self, cells: Sequence[tuple[float, str]], size: float = 9.5, *, quiet: bool = False, bold: bool = False,
-             mark: tuple[int, int, int] | None = None) -> None:  # fmt: skip
+             mark: tuple[int, int, int] | None = None, right: str = "") -> None:  # fmt: skip
         """One line of texts, each at its distance in mm from the margin and cut off before the next.  mark: colour, sRGB, of
-        a square before the first."""
+        a square before the first.  right: a text that ends at the right margin."""
         tall = size / POINTS * _LEADING
         self.room(tall)
         self._y -= tall
         base = self._y + 0.3 * size / POINTS
-        ends = [*(begin for begin, _ in cells[1:]), WIDTH + 2.0]
+        ends = [*(begin for begin, _ in cells[1:]), WIDTH + 2.0 - (line_width(right, size) * _BOLDER + 4.0 if right else 0.0)]
+        if right:
+            self._page.text(PAGE[0] - MARGIN, base, printable(right), fontsize=size, color=_INK, parse_math=False, ha="right",
+                            fontweight="bold" if bold else "normal")
         for (begin, text), end in zip(cells, ends, strict=True):
             short, fits = fitting(text, end - begin - 2.0, size, bold)
             self._page.text(MARGIN + begin, base, short, fontsize=fits, color=_QUIET if quiet else _INK, parse_math=False,

@@ -115,7 +115,7 @@ def _note(pages: Pages, number: int, note: "Annotation", document: "Document", u
     pages.room(tallest + 24.0)
     pages.rule()
     title = note.title(number)
-    pages.line([(4.5, f"{number + 1}   {title}"), (WIDTH - 28.0, status.name)], 11, bold=True, mark=status.rgb)
+    pages.line([(4.5, f"{number + 1}   {title}")], 11, bold=True, mark=status.rgb, right=status.name)
     if shown:
         pages.gap(1.0)
         pages.pictures(shown)
@@ -125,6 +125,8 @@ def _note(pages: Pages, number: int, note: "Annotation", document: "Document", u
     place = f"x {x}   y {y}   z {z} {unit}"
     made = time_of(note)
     pages.text(place + (f" · {made:%Y-%m-%d %H:%M} UTC" if made is not None else ""), 8, quiet=True)
+    if note.picture and attached is None:
+        pages.text(f"attached picture {Path(note.picture).name}: not there, or not readable", 8, quiet=True)
     if is_address(note.link):
         pages.text(note.link, 8, quiet=True)
     pages.gap(3.0)

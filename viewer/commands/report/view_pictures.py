@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 SIZE = (1200, 800)
 """Pixels of a picture: 170 pixels an inch, as wide as a page of A4 is between its margins."""
+_KEPT = 16
+"""Pictures of views that are kept for the next notes: 46 MB."""
 _EDGE = 0.05
 """Share of a picture's sides within which a place counts as at its edge."""
 
@@ -29,16 +31,21 @@ class ViewPictures:
     def __init__(self, renderer: "Renderer", document: "Document", size: tuple[int, int] = SIZE):
         self._renderer, self._document, self.size = renderer, document, size
         self._unit = unit_name(renderer.scene.meta.metres_per_unit)
+        self._drawn: dict[tuple, np.ndarray] = {}  # of views without their notes: many notes are written from one place
 
     def picture(self, view: "Viewpoint", notes: "tuple[Annotation, ...]", numbers: tuple[int, ...]) -> np.ndarray:
         """(H, W, 3) uint8: the view with all measurements and these notes.  numbers: of the notes, from 0."""
         from ...render.described_picture import picture_of
 
         document = self._document
-        camera = view.camera(*self.size)
-        spec = PictureSpec(camera, document.settings, edits=document.edits, background=document.background)
-        picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit)
-        return with_notes(picture, camera, notes, numbers)
+        camera, key = view.camera(*self.size), (view.camera_to_world, view.vertical_fov)
+        if key not in self._drawn:
+            if len(self._drawn) >= _KEPT:
+                del self._drawn[next(iter(self._drawn))]
+            spec = PictureSpec(camera, document.settings, edits=document.edits, background=document.background)
+            picture = picture_of(self._renderer, spec)
+            self._drawn[key] = with_measurements(picture, camera, document.measurements, self._unit)
+        return with_notes(self._drawn[key], camera, notes, numbers)
 
 
 def view_of(note: "Annotation", document: "Document", size: tuple[int, int] = SIZE) -> "Viewpoint | None":

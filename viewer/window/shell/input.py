@@ -119,7 +119,7 @@ class Input:
         glfw = host.glfw
         typing = host.imgui.get_io().want_text_input or host.asking
         control = self._by_key.get(key)
-        if control is not None and control.kind in ("hold", "modifier"):
+        if chord is None and control is not None and control.kind in ("hold", "modifier"):  # Z of a French keyboard lies on W
             if action == glfw.RELEASE:
                 host.session.flight.held.discard(control.action)
             elif action == glfw.PRESS and not typing and not mods & glfw.MOD_CONTROL and host.session.scene is not None:

@@ -31,6 +31,12 @@ class Pace:
         """Whether the camera moves at one speed throughout."""
         return not (self.ease or any(stay > 0 for stay in self.stays))
 
+    @property
+    def shortened(self) -> str:
+        """In words, that the stays are shortened; "" where they are not."""
+        most, asked = _MOST_STILL * self.seconds, sum(self.stays)
+        return f"stays of {asked:g} s in a film of {self.seconds:g} s are shortened to {most:.3g} s" if asked > most else ""
+
     def shares(self, times: np.ndarray, passing: np.ndarray) -> np.ndarray:
         """(N,) share of the path's length, 0 to 1, at each of (N,) times.  passing: (K,) share at each keyframe, increasing."""
         times, found = np.asarray(times, np.float64), np.zeros(len(times))

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterable
 
-from ...common.text import exact_text
+from ...common.text import exact_text, printable
 from .annotation import STATUSES, Annotation
 
 COLUMNS = ("number", "title", "text", "status", "x", "y", "z", "unit", "link", "picture", "made")
@@ -23,5 +23,7 @@ def csv_text(notes: Iterable[Annotation], unit: str) -> str:
 
 
 def _cell(text: str) -> str:
-    """A text that a spreadsheet does not take for a formula (OWASP, CSV injection): a stranger's project may hold one."""
+    """A text without control characters but line ends, which a spreadsheet does not take for a formula (OWASP, CSV injection):
+    a stranger's project may hold both."""
+    text = "\n".join(map(printable, text.splitlines()))
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text

@@ -48,6 +48,8 @@ def with_shapes(picture: np.ndarray, camera: "Camera", shapes: Callable[[Any, "C
 
 
 def _draw_labels(draw: Any, camera: "Camera", at: list[np.ndarray], texts: Sequence[str], unit: float) -> None:
+    if not at:
+        return
     font, pad = letters(max(round(LETTERS * unit), 9)), _PAD * unit
     boxes = [draw.textbbox((0, 0), text, font=font) for text in texts]
     sizes = [(right - left + 2 * pad, bottom - top + 2 * pad) for left, top, right, bottom in boxes]

@@ -36,4 +36,5 @@ def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotatio
                     on.rectangle([x - half, y - half, x + half, y + half], fill=colour)
 
     titles = [note.title(number) for note, number in zip(notes, numbers, strict=True)]
-    return with_shapes(picture, camera, draw, places, titles)
+    labelled = with_shapes(picture, camera, lambda on, large, unit: None, places, titles)
+    return with_shapes(labelled, camera, draw, [], [])  # no label covers a mark

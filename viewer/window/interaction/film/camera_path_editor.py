@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ....common.errors import PointglassError
 from ....work.cameras.around_centre import orbit
 from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_camera_path
-from ....work.cameras.keyframes import passing_seconds, path_seconds, preview_cameras
+from ....work.cameras.keyframes import pace_of, passing_seconds, path_seconds, preview_cameras
 from ....work.document import LONGEST_STAY, Keyframe, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...flight.navigation import view_along
@@ -233,6 +233,8 @@ class CameraPathEditor:
         changed, seconds = ui.drag_float("##length", length, 0.1, 0.2, 3600.0, "length %.1f s", clamp)
         if changed and isfinite(seconds):  # "nan" may be typed
             self.set_length(context, seconds)
+        if (pace := pace_of(path)) is not None and pace.shortened:
+            ui.text_wrapped(f"The {pace.shortened}: make the film longer.")
         changed, ease = ui.checkbox("begin and end slowly", path.ease)
         if changed:
             edit(context, "Begin and end slowly", path=replace(path, ease=ease))

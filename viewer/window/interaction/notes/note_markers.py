@@ -26,10 +26,10 @@ class NoteMarkers(Overlay):
             return
         at, inside = overlay.place([note.position for note in notes])
         seen = np.flatnonzero(inside).tolist()
-        for number in seen:
-            overlay.mark(at[number], COLOUR_OF[notes[number].status], SIZE, "block")
         if seen:
             overlay.labels([notes[number].position for number in seen], [notes[number].title(number) for number in seen])
+        for number in seen:  # above the labels, which cover none
+            overlay.mark(at[number], COLOUR_OF[notes[number].status], SIZE, "block")
 
 
 def note_at(context: ToolContext, position: tuple[float, float], radius: float) -> int | None:

@@ -162,8 +162,7 @@ class Notes(Tool):
             ui.text_wrapped("Click a measured point to write a note there. Notes are saved with the project, and exported as a "
                             "report (PDF), as issues (BCF) or as a table (CSV).")
             return
-        if self.chosen is None:
-            ui.text_wrapped("Click a measured point for a new note, or a marker to edit one.")
+        ui.text_wrapped("Click a measured point for a new note, or a marker to edit one.")
         for number, note in enumerate(notes):
             ui.push_id(number)
             swatch(ui, context, note)
