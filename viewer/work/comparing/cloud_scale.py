@@ -15,6 +15,10 @@ _PLACES = 200
 """At which spacing and noise are measured, drawn by area."""
 _NEIGHBOURS = 40
 """Of a place: its density is theirs, and its noise the scatter about a quadric through them."""
+_DENSE = 0.2
+"""Share of the area in which the points lie dense: scans of one station have most of their points there."""
+_EVEN = 1.15
+"""Factor by which the median spacing of an even cloud may exceed that of its densest fifth: the scatter of 40 neighbours."""
 _FULL = 8
 """Points that a cell of the first, coarse grid holds on the average, at least."""
 _MOST = 20_000
@@ -34,11 +38,12 @@ RADIUS_PER_SPACING = 3.0
 
 @dataclass(frozen=True)
 class CloudScale:
-    """spacing: 1 / sqrt(points per area), the median over the area.  noise: standard deviation across the surface, the median.
-    File units."""
+    """spacing: 1 / sqrt(points per area), the median over the area.  noise: standard deviation across the surface, the median
+    over the denser half of the area.  fine: spacing where the points lie dense; 0: as ``spacing``.  File units."""
 
     spacing: float
     noise: float
+    fine: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,12 +85,16 @@ def scale_of(xyz: np.ndarray) -> CloudScale:
     if not spacings:
         area = len(cells.keys) * side * side
         return CloudScale(float(np.sqrt(area / len(xyz))), 0.0)
-    return CloudScale(float(np.median(spacings)), float(np.median(noises)))
+    spacing = float(np.median(spacings))
+    dense = np.array(noises)[np.array(spacings) <= spacing]
+    fine = min(spacing, _EVEN * float(np.quantile(spacings, _DENSE)))
+    return CloudScale(spacing, float(np.median(dense)), fine)
 
 
 def sizes_for(*scales: CloudScale) -> Sizes:
-    """Default sizes for clouds of these scales: the coarser spacing and the larger noise count."""
+    """Default sizes for clouds of these scales: the coarser spacing and the larger noise count.  Cylinders suit the dense
+    parts, they are widened in the others; planes suit the median."""
     spacing, noise = max(scale.spacing for scale in scales), max(scale.noise for scale in scales)
-    diameter = 2 * float(np.sqrt(POINTS / np.pi)) * spacing
+    diameter = 2 * float(np.sqrt(POINTS / np.pi)) * max(scale.fine or scale.spacing for scale in scales)
     scale = max(WIDTHS_PER_SCALE * diameter, NOISES_PER_SCALE * noise)
     return Sizes(scale, diameter, SCALES_PER_DEPTH * scale, RADIUS_PER_SPACING * spacing)

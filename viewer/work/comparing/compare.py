@@ -76,7 +76,7 @@ def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: st
         if not min(scale.spacing for scale in scales) > 0:
             raise InputError("a scan has all its points in one place")
         sizes = sizes_for(*scales) if sizes is None else sizes
-        side = sizes.diameter / 2
+        side = sizes.diameter / 2 if method == "m3c2" else sizes.radius
         cells = []
         for cloud in clouds:
             cells.append(cells_of(cloud, side))

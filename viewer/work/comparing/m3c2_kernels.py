@@ -15,8 +15,8 @@ ENOUGH = 20
 """Points in a cylinder from which it is not widened (Lague et al. 2013: 20 and more for the level of detection)."""
 LEAST = 5
 """Points in a cylinder, at least, where it is widest."""
-WIDENINGS = 3
-"""Widths that are tried, each twice the one before: 1, 2 and 4 diameters."""
+WIDENINGS = 4
+"""Widths that are tried, each twice the one before: 1, 2, 4 and 8 diameters.  A scanner's spacing grows with the range."""
 LATERAL = 0.5
 """How far the middles of both clouds' points in a cylinder may lie apart across its axis, as a share of its radius.  At the
 straight border of a surface they do by 0.42 (half a disc)."""
