@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", choices=list(METHODS), default="m3c2", help=f"{texts} (default m3c2)")
     parser.add_argument("--registration", type=float, default=0.0, metavar="E",
                         help="uncertainty (95 %%) of how both scans lie to each other, in their unit; it is added to that of "
-                             "each distance (default 0)")
+                             "each distance; `align` prints it as unsure (default 0)")
     parser.add_argument("--project", type=Path, metavar="P",
                         help="compare the scans where this project has moved them, such as one that `pointglass align` made of "
                              "both (default: where their files have them)")
