@@ -13,6 +13,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import CameraPath, Document, Keyframe, ScanFile
 from pointglass.viewer.work.fits.fit import Fit
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
+from pointglass.viewer.work.measuring.profile import Profile
 from pointglass.viewer.work.measuring.volume import Volume
 from pointglass.viewer.work.notes.annotation import STATUSES, Annotation
 from pointglass.viewer.work.viewpoint import Viewpoint
@@ -51,6 +52,15 @@ def random_volume(random, kind: str) -> Volume | None:
                   *map(float, random.random(4)), int(random.integers(30, 10_000)))
 
 
+def random_profile(random, kind: str) -> Profile | None:
+    """What a measurement of a kind of KINDS has found along its line."""
+    if kind != "profile":
+        return None
+    count = int(random.integers(2, 30))
+    return Profile(0.1, 0.05, tuple(map(float, np.arange(count) * 0.05)), tuple(map(float, random.normal(size=count))),
+                   tuple(map(int, random.integers(1, 99, count))))
+
+
 def random_motion(random) -> Rows | None:
     """A transformation of a scan, of two in three."""
     if random.random() < 1 / 3:
@@ -74,7 +84,8 @@ def random_document(random, scans: list[str]) -> Document:
                      for item in found)
 
     kinds = list(KINDS)
-    measurements = [Measurement(kind, points(kind), f"M {i}", volume=random_volume(random, kind))
+    measurements = [Measurement(kind, points(kind), f"M {i}", volume=random_volume(random, kind),
+                                profile=random_profile(random, kind))
                     for i, kind in enumerate(random.choice(kinds, 4))]
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     rows = tuple(vector(row) for row in axes)

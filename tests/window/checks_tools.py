@@ -64,7 +64,7 @@ def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
     assert not np.array_equal(with_it, d.canvas()), "a stored measurement is drawn with every tool"
 
 
-def check_the_volume_inside_a_polygon_is_measured_by_clicks_and_enter(d: Driver) -> None:
+def check_a_volume_and_a_profile_are_measured_by_clicks(d: Driver) -> None:
     before = d.session.document.measurements
     d.key("T")
     tool = d.app.toolbox.active
@@ -82,6 +82,16 @@ def check_the_volume_inside_a_polygon_is_measured_by_clicks_and_enter(d: Driver)
     d.canvas()
     chord(d, "Z")
     assert d.session.document.measurements == before
+    tool.kind = "profile"
+    for across in np.linspace(-0.2, 0.2, 9):  # the first and the second pixel with points
+        if len(d.session.document.measurements) == len(before) and not tool.answering:
+            d.click(*middle(d, across, 0.05))
+    d.until(lambda: not tool.answering)
+    (made,) = d.session.document.measurements[len(before):]
+    assert made.kind == "profile" and made.profile is not None and np.abs(made.profile.heights).max() < 0.01
+    d.canvas()
+    chord(d, "Z")
+    tool.points.clear()
     tool.kind = "distance"
     d.key("T")
     d.session.flight.look(0, -150)

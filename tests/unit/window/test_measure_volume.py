@@ -1,5 +1,6 @@
-"""The volume of a polygon in the window, without a window: found beside the frame, one step, given up by Esc."""
+"""Volumes and profiles in the window, without a window: found beside the frame, one step, given up by Esc."""
 
+import csv
 from time import monotonic, sleep
 
 import numpy as np
@@ -10,6 +11,7 @@ from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.interaction.measuring.measure import Measure
+from pointglass.viewer.window.interaction.measuring.profile_graph import write_profile
 from pointglass.viewer.window.interaction.measuring.volumes import FITTED, MEAN, TYPED
 from pointglass.viewer.window.interaction.tool import KeyEvent
 from pointglass.viewer.work.measuring.measure_text import value_text, volume_text
@@ -80,3 +82,23 @@ def test_a_volume_is_given_up_by_esc_and_a_polygon_without_area_is_refused(block
     polygon(context, tool)
     ended(tool, context)
     assert context.document.measurements == () and context.toasts[-1].startswith("These corners lie in one line")
+
+
+def test_a_profile_is_one_step_over_the_block_and_its_stations_are_saved(block, tmp_path):
+    context, tool = measuring(block)
+    tool.kind = "profile"
+    click(tool, context, (1.2, 5.0, 1.5))
+    click(tool, context, (2.8, 5.0, 1.5))
+    assert tool.answering and "Measuring the profile" in tool.hint(context)
+    ended(tool, context)
+    (made,) = context.document.measurements
+    assert made.kind == "profile" and made.profile is not None and value_text(made, "m").startswith("1.60")
+    write_profile(tmp_path / "p.csv", made)
+    rows = [{name: float(value) for name, value in row.items()} for row in csv.DictReader((tmp_path / "p.csv").open())]
+    assert len(rows) == len(made.profile.stations) > 40
+    for row in rows:
+        on_block = abs(row["x"] - 2) < 0.25
+        if abs(abs(row["x"] - 2) - 0.25) > 0.03:
+            assert row["height"] == pytest.approx(-4.7 if on_block else -5.0, abs=1e-3)
+        assert row["y"] == pytest.approx(-row["height"]) and row["z"] == pytest.approx(1.5, abs=0.02)
+    assert context.session.work.undo() == "Measure profile" and context.document.measurements == ()

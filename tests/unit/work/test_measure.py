@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from documents import random_fit, random_fits, random_volume
+from documents import random_fit, random_fits, random_profile, random_volume
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
@@ -80,7 +80,7 @@ def test_uncertainty_is_what_repeated_measuring_shows(seed):
     shapes = {"distance": random.normal(size=(2, 3)) * 3, "polyline": np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [1, 2, 1]]),
               "height": np.array([[0.0, 0, 0], [1, 2, 3]]), "angle": np.array([[2.0, 0, 0], [0, 0, 0], [1, 2, 0.5]]),
               "area": random_polygon(random, 6)}  # fmt: skip
-    assert {*shapes} == {name for name, kind in KINDS.items() if not kind.surfaces and name != "volume"}, \
+    assert {*shapes} == {name for name, kind in KINDS.items() if not kind.surfaces and name not in ("volume", "profile")}, \
         "the others: test_planes.py, test_fits.py, test_volume.py"
     for kind, points in shapes.items():
         sigma = 0.01
@@ -149,7 +149,8 @@ def test_csv_holds_every_number_exactly(tmp_path, seed):
     for kind in KINDS:
         places = [vector(random.uniform(-1e6, 1e6, 3)) for _ in range(KINDS[kind].fewest)]
         points = [MeasuredPoint(at, 0.0, 1e-2, fit=fit) for at, fit in zip(places, random_fits(random, kind), strict=True)]
-        made.append(Measurement(kind, tuple(points), kind, volume=random_volume(random, kind)))
+        made.append(Measurement(kind, tuple(points), kind, volume=random_volume(random, kind),
+                                profile=random_profile(random, kind)))
     made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
     write_measurements(tmp_path / "m.csv", made, ScanDescription(units="foot", metres_per_unit=0.3048))
     text = (tmp_path / "m.csv").read_bytes().decode()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from documents import random_fits, random_volume
+from documents import random_fits, random_profile, random_volume
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
@@ -26,7 +26,8 @@ def one_of_each(seed) -> dict[str, Measurement]:
     for kind in KINDS:
         places = [vector(random.uniform(-1e6, 1e6, 3)) for _ in range(KINDS[kind].fewest)]
         points = [MeasuredPoint(at, 0.0, 1e-2, fit=fit) for at, fit in zip(places, random_fits(random, kind), strict=True)]
-        made[kind] = Measurement(kind, tuple(points), f"{kind} é 北 \"1\"", volume=random_volume(random, kind))
+        made[kind] = Measurement(kind, tuple(points), f"{kind} é 北 \"1\"", volume=random_volume(random, kind),
+                                profile=random_profile(random, kind))
     return made
 
 

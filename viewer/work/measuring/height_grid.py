@@ -53,8 +53,9 @@ _LAYERED = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
-    """shape: cells along u and v.  low: (2,) its corner.  cell: side.  inside: (shape) share of each cell in the polygon."""
+class Grid:
+    """A grid over a polygon.  shape: cells along u and v.  low: (2,) its corner.  cell: side of a cell.  inside: (shape) share
+    of each cell in the polygon."""
 
     shape: tuple[int, int]
     low: np.ndarray
@@ -110,7 +111,7 @@ def measured_volume(in_box: InBox, corners: np.ndarray, noise: np.ndarray, spaci
         steps.update(1)
         used = cells >= 0
         cells, above = cells[used], above[used]
-        standing = ~_hanging(cells, above, grid)
+        standing = ~hanging(cells, above, grid)
         cells, above = cells[standing], above[standing]
         steps.update(1)
         if (grid.inside.ravel()[cells] > 0).sum() < _FEWEST:
@@ -138,7 +139,7 @@ def _base(flat: np.ndarray, heights: np.ndarray, noise: np.ndarray, level: float
     return np.pad(base, (0, 3 - len(base))), spread
 
 
-def _sums(cells: np.ndarray, above: np.ndarray, grid: _Grid, area: float, base_spread: float) -> tuple[float, ...]:
+def _sums(cells: np.ndarray, above: np.ndarray, grid: Grid, area: float, base_spread: float) -> tuple[float, ...]:
     """Cut, fill, the uncertainties of net, cut and fill, and the shares that are empty and layered."""
     size, inside = grid.inside.size, grid.inside.ravel()
     counts = np.bincount(cells, minlength=size)
@@ -217,7 +218,7 @@ def _slope(mean: np.ndarray, known: np.ndarray) -> float:
     return float(np.sqrt(2 * total / max(count, 1)))
 
 
-def _hanging(cells: np.ndarray, above: np.ndarray, grid: _Grid) -> np.ndarray:
+def hanging(cells: np.ndarray, above: np.ndarray, grid: Grid) -> np.ndarray:
     """(n,) bool: points of surfaces that do not touch the base, and hang above another one for the most part."""
     from scipy.ndimage import label
 
@@ -242,7 +243,7 @@ def _hanging(cells: np.ndarray, above: np.ndarray, grid: _Grid) -> np.ndarray:
     return (~touching & (share > _HANGING))[parts[at]]
 
 
-def _grid(flat: np.ndarray, cell: float) -> _Grid:
+def _grid(flat: np.ndarray, cell: float) -> Grid:
     """A grid over a polygon; cells are larger than asked for where there would be too many."""
     low, high = flat.min(axis=0), flat.max(axis=0)
     cell = max(cell, float(np.sqrt(np.prod(high - low) / _CELLS)), float((high - low).max()) / _CELLS)
@@ -250,7 +251,7 @@ def _grid(flat: np.ndarray, cell: float) -> _Grid:
     low = low - (shape * cell - (high - low)) / 2
     columns, rows = (low[k] + (np.arange(shape[k] * _PARTS) + 0.5) * cell / _PARTS for k in (0, 1))
     parts = _inside(flat, columns, rows).reshape(shape[0], _PARTS, shape[1], _PARTS)
-    return _Grid((int(shape[0]), int(shape[1])), low, cell, parts.mean(axis=(1, 3)))
+    return Grid((int(shape[0]), int(shape[1])), low, cell, parts.mean(axis=(1, 3)))
 
 
 def _inside(flat: np.ndarray, us: np.ndarray, vs: np.ndarray) -> np.ndarray:

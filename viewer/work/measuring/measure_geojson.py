@@ -63,6 +63,8 @@ def _geometry(measurement: Measurement) -> dict[str, Any]:
         return _polygon(shapes.points)
     if measurement.kind == "edge":
         return {"type": "MultiPoint", "coordinates": shapes.points.tolist()}
+    if measurement.profile is not None and len(shapes.lines[0].points) < 2:
+        return {"type": "Point", "coordinates": shapes.label.tolist()}
     (line,) = [line for line in shapes.lines if not line.helper and not line.closed]
     return {"type": "LineString", "coordinates": line.points.tolist()}
 

@@ -79,6 +79,9 @@ def shapes_of(measurement: Measurement) -> Shapes:
         up, place = np.array(measurement.up), np.array(volume.place)
         base = points - np.outer((points - place) @ (up + volume.slope), up)  # along the up axis, onto the base
         return Shapes(place, [Line(points, closed=True), Line(base, closed=True, helper=True)], area=base, points=points)
+    if measurement.profile is not None:
+        line = profile_line(measurement)
+        return Shapes(line[len(line) // 2], [Line(line), Line(points, helper=True)], points=points)
     if kind == "area":
         at, normal, _ = fitted_plane(points)
         flat = points - np.outer((points - at) @ normal, normal)
@@ -104,6 +107,17 @@ def shapes_of_fits(fits: list[Fit]) -> tuple[list[Line], list[Ring]]:
             sides = rings[-1].points[:: len(_TURN) // _LINES_ALONG]
             lines += [Line(np.array([side, side - (fit.high - fit.low) * axis]), helper=True) for side in sides]
     return lines, rings
+
+
+def profile_line(measurement: Measurement) -> np.ndarray:
+    """(n, 3) the places of a profile, file coordinates: above or below the line between its ends."""
+    profile, up = measurement.profile, np.array(measurement.up)
+    assert profile is not None
+    first, second = (np.array(point.position) for point in measurement.points)
+    level = (second - first) - ((second - first) @ up) * up
+    level /= max(float(np.linalg.norm(level)), 1e-300)
+    foot = first - (first @ up) * up
+    return foot + np.outer(profile.stations, level) + np.outer(profile.heights, up)
 
 
 def _way(measurement: Measurement) -> np.ndarray:

@@ -11,6 +11,7 @@ from ...common.errors import InputError
 from ...picture.clip import Vector
 from ...picture.json_values import UNLESS_DEFAULT
 from ..fits.fit import Fit
+from .profile import Profile
 from .volume import Volume
 
 
@@ -48,6 +49,8 @@ KINDS = {
     "area": Kind("Area", 3, None, 2, "of a polygon, projected on the plane that fits its corners best"),
     "volume": Kind("Volume", 3, None, 3, "of what lies above and below a base, inside a polygon seen along the up axis",
                    ("a corner on the ground", *("the next corner, around what is measured",) * 2)),
+    "profile": Kind("Profile", 2, 2, 1, "heights of what is measured along a line; its value is the level length of that line",
+                    ("the first end", "the other end")),
     "plane": Kind("Plane", 1, 1, 0, "slope of the flat surface at a point, fitted to all of it that is measured",
                   (_FLAT,), "slope ", ("plane",)),
     "pipe": Kind("Pipe", 1, 1, 1, "diameter of the pipe, column or tank at a point, fitted to all of it that is measured",
@@ -93,7 +96,7 @@ class MeasuredPoint:
 @dataclass(frozen=True)
 class Measurement:
     """kind: a key of KINDS.  points: in the order in which they were set.  up: the up axis when it was made, for heights.
-    volume: what was found inside the polygon, of that kind.
+    volume, profile: what was found inside the polygon, or along the line, of these kinds.
 
     Raises InputError where the kind, the number of points or what is fitted is wrong.
     """
@@ -103,6 +106,7 @@ class Measurement:
     name: str = ""
     up: Vector = (0.0, 0.0, 1.0)
     volume: Volume | None = field(default=None, metadata=UNLESS_DEFAULT)
+    profile: Profile | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -112,9 +116,10 @@ class Measurement:
             raise InputError(f"measurement {self.name!r}: {len(self.points)} points; a measurement of {self.kind} has {fewest}"
                              f"{'' if most == fewest else ' or more'}")
         _check_surfaces(self.kind, self.points, f"measurement {self.name!r}")
-        if (self.kind == "volume") != (self.volume is not None):
-            raise InputError(f"measurement {self.name!r}: a measurement of {self.kind} has "
-                             f"{'a' if self.kind == 'volume' else 'no'} volume")
+        for kind, found in (("volume", self.volume), ("profile", self.profile)):
+            if (self.kind == kind) != (found is not None):
+                raise InputError(f"measurement {self.name!r}: a measurement of {self.kind} has "
+                                 f"{'a' if self.kind == kind else 'no'} {kind}")
         if self.kind == "corner" and abs(np.linalg.det([fit.direction for fit in self.fits])) < LEAST_CORNER:
             raise InputError(f"measurement {self.name!r}: two of these surfaces are parallel, or all three go along one line: "
                              "they have no corner")

@@ -61,6 +61,9 @@ def evaluate(measurement: Measurement) -> Result:
         up = np.array(measurement.up)
         rise = float((points[1] - points[0]) @ up)
         value, slopes = abs(rise), np.array([-up, up])
+    elif measurement.kind == "profile":
+        up = np.array(measurement.up)
+        value, slopes = _length(points - np.outer((points - middle) @ up, up))
     else:
         value, slopes = _length(points)
     spread = COVERAGE * float(np.sqrt((np.sum(slopes**2, axis=1) * variances).sum()))

@@ -1,18 +1,22 @@
 """The measurements of the document as the outliner and the tool's panel list them."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ....common.errors import PointglassError
 from ....work.document import replaced, without
 from ....work.measuring.measure_text import components_text, fit_text, silhouette_text, value_text, volume_text
+from ....work.measuring.measurement import Measurement
 from ....work.measuring.values import components, evaluate
 from ...flight.navigation import view_along
 from ...kit import icons
 from ..editing import edit, unit_of
 from ..outline import Group, Row
 from ..tool import Tool, ToolContext
+from .profile_graph import draw_profile, write_profile
 
 LEAST_SPACINGS = 100.0
 """Size of what is looked at, at least, in spacings of the points: nearer, a picture of points is blurred."""
@@ -57,6 +61,13 @@ def draw_list(ui: Any, context: ToolContext) -> None:
         ui.text_wrapped(value_text(item, unit))
         for about in filter(None, (fit_text(item, unit), volume_text(item, unit), silhouette_text(item))):
             ui.text_wrapped(about)
+        if item.profile is not None:
+            draw_profile(ui, item, unit, context.theme.scale)
+            if ui.button("Profile…"):
+                context.files.save("profile", "Save the stations of the profile", "profile.csv", {"CSV table": (".csv",)},
+                                   lambda path, item=item: _save_profile(context, path, item))
+            if ui.is_item_hovered():
+                ui.set_tooltip("Saves station, height and number of points as CSV; the line is in Export… as DXF and GeoJSON")
         if (parts := components(item)) is not None:
             ui.text_wrapped(components_text(parts, unit))
         if item.kind == "area":
@@ -65,6 +76,15 @@ def draw_list(ui: Any, context: ToolContext) -> None:
         if gone:
             edit(context, f"Delete {item.name}", measurements=without(found, number))
             return
+
+def _save_profile(context: ToolContext, path: Path, item: Measurement) -> None:
+    try:
+        write_profile(path, item)
+    except PointglassError as error:
+        context.session.notices.say("The profile cannot be saved", error)
+    else:
+        context.tell_saved(path)
+
 
 def look_at(context: ToolContext, number: int) -> None:
     """Flies straight towards a measurement, to where it fills about a third of the picture; turns where that is nearer."""

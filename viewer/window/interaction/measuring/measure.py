@@ -31,9 +31,13 @@ from .volumes import Volumes
 if TYPE_CHECKING:
     from ....work.document import Document
     from ....work.history import History
+    from ....work.measuring.profile import Profile
     from ....work.measuring.volume import Volume
     from ...kit.overlay import OverlayCanvas
     from ...kit.worker import Worker
+
+COMPUTED = {"volume": "area", "profile": "distance"}
+"""Kinds that are found on a thread, and what is drawn of each until then."""
 
 
 class Measure(Tool):
@@ -130,7 +134,8 @@ class Measure(Tool):
     def _take_fitted(self, context: ToolContext) -> None:
         """Surfaces of clicks have been found, or the volume of a polygon."""
         if (measured := self._volumes.taken(context)) is not None:
-            self._add("volume", measured[0], context, measured[1])
+            kind, points, result = measured
+            self._add(kind, points, context, **{kind: result})
         while (found := self._fitting.taken(context, len(self.points))) is not None:
             kind, point = found
             if KINDS[kind].most == 1:
@@ -184,17 +189,17 @@ class Measure(Tool):
             return
         points = tuple(self.points)
         self.points.clear()
-        if self.kind == "volume":
-            self._volumes.start(context, points)
+        if self.kind in COMPUTED:
+            self._volumes.start(context, self.kind, points)
             self.answering = True
         else:
             self._add(self.kind, points, context)
 
-    def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext, volume: "Volume | None" = None) -> None:
+    def _add(self, kind: str, points: tuple[MeasuredPoint, ...], context: ToolContext, **found: "Volume | Profile") -> None:
         document = context.document
         name = unique_name(KINDS[kind].name, (item.name for item in document.measurements))
         try:
-            made = Measurement(kind, points, name, document.up, volume)
+            made = Measurement(kind, points, name, document.up, **found)  # type: ignore[reportArgumentType]
         except InputError as error:  # of planes that have no corner
             context.toast(str(error))
             return
@@ -207,7 +212,7 @@ class Measure(Tool):
         placed = len(self.points) + (len(self._fitting.of(self.kind)) if kind.most != 1 else 0)
         click = f"Click {kind.click(placed)}"
         if self._volumes.points:
-            return "Measuring the volume…  ·  Esc gives up"
+            return f"Measuring the {self._volumes.kind}…  ·  Esc gives up"
         if self._fitting.points:
             more = f"  ·  {click}" if 0 < placed < (kind.most or 0) else ""
             return f"Fitting…{more}  ·  Esc gives up"
@@ -231,7 +236,7 @@ class Measure(Tool):
         if not self.points:
             return
         if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
-            made = Measurement("area" if self.kind == "volume" else self.kind, tuple(points), "", context.document.up)
+            made = Measurement(COMPUTED.get(self.kind, self.kind), tuple(points), "", context.document.up)
             result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
             overlay.label(draw_measurement(overlay, made, "warn"), text_of(result, unit_of(context)))
         else:
@@ -249,8 +254,8 @@ class Measure(Tool):
                 if ui.is_item_hovered():
                     ui.set_tooltip(kind.what)
             ui.end_combo()
-        if self.kind == "volume":
-            self._volumes.panel(ui, context)
+        if self.kind in COMPUTED:
+            self._volumes.panel(ui, context, self.kind)
         history = context.session.work.history
         ui.begin_disabled(history.undo_label is None)
         if ui.button("Undo"):

@@ -1,4 +1,5 @@
-"""The volume inside a polygon, found on a thread when the polygon is ended; and the base from which it is measured."""
+"""The volume inside a polygon and the profile along a line, found on a thread when their last point is set; and their choices:
+the base from which a volume is measured, the width of the strip of a profile."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,6 +11,7 @@ from ....picture.clip import vector
 from ....work.fits.measured import in_scene
 from ....work.measuring.height_grid import MOST, measured_volume
 from ....work.measuring.measurement import MeasuredPoint
+from ....work.measuring.profile import WIDTH, Profile, measured_profile
 from ....work.measuring.volume import Volume
 from ...kit.worker import Worker
 from ..editing import drawn_points, unit_of
@@ -25,16 +27,19 @@ BASES = {FITTED: "the plane nearest to the corners", MEAN: "level, as high as th
 
 class Volumes:
     """base: of the next volume, a key of BASES.  height: of TYPED, along the up axis, file units; None: of the first corner.
+    width: of the strip of a profile, file units; None: from the spacing of the points.
     worker: of the volume that is being found.  points: of its polygon."""
 
     def __init__(self) -> None:
         self.base = FITTED
         self.height: float | None = None
+        self.width: float | None = None
+        self.kind = ""
         self.worker: Worker | None = None
         self.points: tuple[MeasuredPoint, ...] = ()
 
-    def start(self, context: "ToolContext", points: tuple[MeasuredPoint, ...]) -> None:
-        """Finds the volume of the drawn points inside a polygon; one that is being found already is given up."""
+    def start(self, context: "ToolContext", kind: str, points: tuple[MeasuredPoint, ...]) -> None:
+        """Finds the volume of the drawn points inside a polygon, or their profile; what is being found already is given up."""
         self.stop()
         scene, kept, up = context.scene, drawn_points(context), np.array(context.document.up)
         assert scene is not None
@@ -45,12 +50,17 @@ class Volumes:
         if isinstance(level, float):
             level -= float(place @ up)
 
-        def work() -> Volume:
+        width = self.width
+
+        def work() -> Volume | Profile:
+            if kind == "profile":
+                made = measured_profile(in_scene(scene, place, kept, MOST), corners - place, spacing, up, width)
+                return replace(made, heights=tuple(float(height + place @ up) for height in made.heights))
             found = measured_volume(in_scene(scene, place, kept, MOST), corners - place, noise, spacing, up, level, scene.step)
             return replace(found, place=vector(place + found.place))
 
-        self.points = points
-        self.worker = Worker(work, "Measuring the volume", context.wake)
+        self.kind, self.points = kind, points
+        self.worker = Worker(work, f"Measuring the {kind}", context.wake)
 
     def stop(self) -> None:
         """Gives up what is being found."""
@@ -62,8 +72,8 @@ class Volumes:
         """Gives points their place in the file, which has been read meanwhile."""
         self.points = tuple(at_place(list(self.points)))
 
-    def taken(self, context: "ToolContext") -> tuple[tuple[MeasuredPoint, ...], Volume] | None:
-        """The polygon and its volume, once, when that has been found.  Says so where there is none."""
+    def taken(self, context: "ToolContext") -> tuple[str, tuple[MeasuredPoint, ...], Volume | Profile] | None:
+        """The kind, the points and what was found, once, when that has been found.  Says so where there is none."""
         if self.worker is None or not self.worker.finished:
             return None
         worker, points = self.worker, self.points
@@ -71,10 +81,19 @@ class Volumes:
         if worker.error is not None:
             line = str(worker.error)
             context.toast(line[:1].upper() + line[1:])
-        return None if worker.error is not None or worker.cancelled else (points, worker.result)
+        return None if worker.error is not None or worker.cancelled else (self.kind, points, worker.result)
 
-    def panel(self, ui: Any, context: "ToolContext") -> None:
-        """The base of the next volume."""
+    def panel(self, ui: Any, context: "ToolContext", kind: str) -> None:
+        """The base of the next volume, or the width of the next profile's strip."""
+        if kind == "profile":
+            ui.set_next_item_width(-1)
+            usual = WIDTH * (context.scene.spacing if context.scene is not None else 0.0)
+            changed, width = ui.input_double("##width", self.width or usual, 0.0, 0.0, f"strip %.3f {unit_of(context)} wide")
+            if changed:
+                self.width = width if width > 0 else None
+            if ui.is_item_hovered():
+                ui.set_tooltip("Width of the strip along the line whose points are taken; 0: from the spacing of the points")
+            return
         ui.set_next_item_width(-1)
         if ui.begin_combo("##base", f"Base {self.base}"):
             for name, what in BASES.items():
