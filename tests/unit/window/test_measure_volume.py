@@ -82,6 +82,7 @@ def test_a_volume_is_given_up_by_esc_and_a_polygon_without_area_is_refused(block
     polygon(context, tool)
     ended(tool, context)
     assert context.document.measurements == () and context.toasts[-1].startswith("These corners lie in one line")
+    assert len(tool.points) == 4 and not tool.answering, "its corners stay, to be corrected"
 
 
 def test_a_profile_is_one_step_over_the_block_and_its_stations_are_saved(block, tmp_path):

@@ -48,6 +48,8 @@ _LOWEST = 0.05
 _ROUGH = 0.1
 """Error of an interpolated height in slopes times the distance from the next point, where a hole is surrounded by one height.
 Chosen by hand; chance holes are one or two cells wide."""
+_ONE_SIDED = 0.4
+"""Mean of the positive part of a normal deviation, in standard deviations: 1 / sqrt(2 pi)."""
 _LAYERED = 6.0
 """Steps in a cell's heights that are larger than so many cells are those between two surfaces."""
 
@@ -168,7 +170,7 @@ def _sums(cells: np.ndarray, above: np.ndarray, grid: Grid, area: float, base_sp
         doubt = np.hypot(np.hypot(spread, base_spread), one_side)
         part = (sign * height > -2 * doubt).astype(np.float64)
         level = np.abs(height) < 2 * doubt  # noise counts on both sides there
-        unsures.append(unsure(part) + 0.4 * float(weight @ (level * spread)))
+        unsures.append(unsure(part) + _ONE_SIDED * float(weight @ (level * spread)))
     highest, lowest = np.full(size, -np.inf), np.full(size, np.inf)
     np.maximum.at(highest, cells, above)
     np.minimum.at(lowest, cells, above)

@@ -46,7 +46,7 @@ class Measure(Tool):
     What is not ended stays while another tool is selected, and goes on when this one is again."""
 
     name, label, icon, key = "measure", "Measure", icons.MEASURE, "T"
-    help = "measure between points and planes, or a pipe or circle"
+    help = "measure points, planes, pipes, volumes, profiles"
     cursor = "crosshair"
     takes_clicks = picks = True
 
@@ -135,7 +135,10 @@ class Measure(Tool):
         """Surfaces of clicks have been found, or the volume of a polygon."""
         if (measured := self._volumes.taken(context)) is not None:
             kind, points, result = measured
-            self._add(kind, points, context, **{kind: result})
+            if result is not None:
+                self._add(kind, points, context, **{kind: result})
+            elif kind == self.kind == "volume" and not self.points:
+                self.points = list(points)  # its last corner can be taken back
         while (found := self._fitting.taken(context, len(self.points))) is not None:
             kind, point = found
             if KINDS[kind].most == 1:
@@ -187,8 +190,7 @@ class Measure(Tool):
             if kind.most is None and self.points:
                 context.toast(f"{kind.name}: {kind.fewest} points at least")
             return
-        points = tuple(self.points)
-        self.points.clear()
+        points, self.points = tuple(self.points), []
         if self.kind in COMPUTED:
             self._volumes.start(context, self.kind, points)
             self.answering = True
@@ -219,7 +221,7 @@ class Measure(Tool):
         if not placed:
             known = not kind.surfaces or any(item.kind == self.kind for item in context.document.measurements)
             return "" if known and context.document.measurements else click
-        if self.points and self.points[-1].beyond is not None:
+        if self.points and self.points[-1].beyond is not None and self.kind != "volume":
             click = f"On a silhouette: less exact{'; Pipe fits the diameter' if self.kind == 'distance' else ''}  ·  {click}"
         ends = "  ·  Enter ends" if kind.most is None and placed >= kind.fewest else ""
         return f"{click}{ends}  ·  Backspace takes one back  ·  Esc gives up"

@@ -72,8 +72,8 @@ class Volumes:
         """Gives points their place in the file, which has been read meanwhile."""
         self.points = tuple(at_place(list(self.points)))
 
-    def taken(self, context: "ToolContext") -> tuple[str, tuple[MeasuredPoint, ...], Volume | Profile] | None:
-        """The kind, the points and what was found, once, when that has been found.  Says so where there is none."""
+    def taken(self, context: "ToolContext") -> tuple[str, tuple[MeasuredPoint, ...], Volume | Profile | None] | None:
+        """The kind, the points and what was found, once; None instead where nothing can be found, which a message says."""
         if self.worker is None or not self.worker.finished:
             return None
         worker, points = self.worker, self.points
@@ -81,7 +81,8 @@ class Volumes:
         if worker.error is not None:
             line = str(worker.error)
             context.toast(line[:1].upper() + line[1:])
-        return None if worker.error is not None or worker.cancelled else (self.kind, points, worker.result)
+            return self.kind, points, None
+        return None if worker.cancelled else (self.kind, points, worker.result)
 
     def panel(self, ui: Any, context: "ToolContext", kind: str) -> None:
         """The base of the next volume, or the width of the next profile's strip."""
