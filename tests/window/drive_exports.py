@@ -6,8 +6,8 @@ from pathlib import Path
 import ezdxf
 import laspy
 import numpy as np
+from checks_written_files import asked_about, held
 from drive_dialogs import Person, main
-from drive_unfinished import asked_about, held
 from x_keyboard import xdo
 
 from pointglass.viewer.picture.clip import box_around

@@ -275,7 +275,7 @@ def test_escape_right_after_ctrl_q_answers_its_question_and_the_tool_stays(displ
     window.process.kill()
 
 
-def test_a_project_whose_file_is_deleted_meanwhile_is_asked_for_and_saved_again(display, scan):
+def test_a_project_whose_file_is_deleted_or_written_by_another_program_is_asked_about(display, scan):
     window = opened(display, scan)
     window.keys("t")
     measure(window)
@@ -290,9 +290,19 @@ def test_a_project_whose_file_is_deleted_meanwhile_is_asked_for_and_saved_again(
     until(lambda: dimmed(window), "the question")
     window.keys("Escape")
     until(lambda: not dimmed(window), "its end")
-    window.close()
-    answered(window, lambda: window.process.poll() is not None, "the end, after Save")
+    window.keys("ctrl+q")
+    until(lambda: dimmed(window), "the question")
+    window.keys("Return")  # Save
+    until(project.exists, "the project")
     assert window.ended() == 0 and read_project(project).measurements == made
+    window = opened(display, scan, "view", project)
+    all_points(scan)
+    theirs = project.read_bytes().replace(b'"Distance"', b'"Theirs"')
+    project.write_bytes(theirs)
+    window.keys("ctrl+q")
+    until(lambda: dimmed(window), "the question, where another program has written the file")
+    window.keys("Tab", "Return")  # Discard
+    assert window.ended() == 0 and project.read_bytes() == theirs
 
 
 def test_ctrl_z_is_the_key_that_prints_z_on_a_french_keyboard(display, scan):

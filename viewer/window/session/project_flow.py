@@ -222,8 +222,8 @@ class ProjectFlow:
     def leave(self, then: Callable[[], object]) -> None:
         """Calls ``then``, which leaves the work that is open: closes the window or the scan, or opens something else.  Asks
         first where work is not saved, and where a measurement is not ended, which no project keeps."""
-        content, begun, answering, gone = self._content, self._session.work.begun, self._answering(), self._session.work.gone
-        if not (self.at_stake or answering or gone) or self._session.scene is None:
+        content, begun, answering = self._content, self._session.work.begun, self._answering()
+        if not ((lost := self._session.work.lost_outside) or self.at_stake or answering) or self._session.scene is None:
             then()
             return
 
@@ -233,10 +233,10 @@ class ProjectFlow:
 
         self._session.let_go()
         ask = self._session.notices.ask
-        if self.changed or gone:
+        if self.changed or lost:
             more = f", and a measurement of {begun.kind} that is not ended" if begun is not None else ""
-            lost = "all of it: its file is not there any more" if gone else "everything since the last save"
-            ask(f"Save {'' if gone else 'the changes to '}{self.name}?", f"Discard loses {lost}{more}.", (
+            what = f"Save {'' if lost else 'the changes to '}{self.name}?"
+            ask(what, f"Discard loses {lost or 'everything since the last save'}{more}.", (
                 Answer("Save", lambda: self.save(lambda: self.leave(then))), Answer("Discard", give_up), Answer("Cancel")))
         elif answering:
             ask("Give up the measurement that is not ended?", "What was clicked last is being measured. Leaving loses it.", (

@@ -227,9 +227,12 @@ class DocumentState:
         return replace(moved(self.document, camera), settings=settings, background=background)
 
     @property
-    def gone(self) -> bool:
-        """Whether the project's file has been deleted, or taken away, since it was read or written here."""
-        return self.project is not None and not self.project.exists()
+    def lost_outside(self) -> str:
+        """What closing would lose, in words, because the project's file has been deleted or written by another program since it
+        was read or written here; "" where it holds what was saved."""
+        if self.project is not None and not self.project.exists():
+            return "all of it: its file is not there any more"
+        return "what was saved here: another window or program has written its file since" if self.changed_on_disk else ""
 
     @property
     def changed_on_disk(self) -> bool:
