@@ -35,7 +35,7 @@ def test_all_pictures_are_listed_and_their_files_are_given_back(scan):
 
 
 def test_the_name_of_its_file_stays_in_its_folder(scan):
-    name = file_name(stored_pictures(scan[0])[1])
+    name = file_name(stored_pictures(scan[0])[1].name)
     assert name.isprintable() and not set('/\\:?"') & set(name) and name.strip(". ") == name and "pump" in name
 
 
