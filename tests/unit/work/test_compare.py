@@ -151,7 +151,8 @@ def test_a_moved_box_is_told_from_what_stayed_and_edges_are_within_what_is_state
         known = part & np.isfinite(found.distance)
         assert known.sum() > 0.97 * part.sum()
         assert np.median(found.distance[known]) == pytest.approx(truth, abs=2e-4)
-        assert (np.abs(found.distance - truth) <= found.uncertainty)[known].mean() > 0.92
+        # of 95 %; neighbours share their cylinders, so that the top counts as some fifty independent points
+        assert (np.abs(found.distance - truth) <= found.uncertainty)[known].mean() > 0.84
     edges = (middle > 0.13) & (middle < 0.17) & np.isfinite(found.distance)
     assert edges.sum() > 100  # what happened there is between nothing and the whole lift, whatever the normal
     outside = (found.distance + found.uncertainty < -0.02) | (found.distance - found.uncertainty > 0.02)

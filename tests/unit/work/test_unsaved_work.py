@@ -20,6 +20,7 @@ from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.project import places_in, read_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
+MOVED = ((1.0, 0.0, 0.0, 2.5), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 CHANGES: dict[str, object] = {
     "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "viewpoints": (Viewpoint("here", EYE, 60.0),), "look": Look(exposure=1.0),
     "path": CameraPath((Keyframe(0.0, Viewpoint("a", EYE, 60.0)),)), "clips": (BOX,), "measurements": (TAPE,),
@@ -41,7 +42,8 @@ def test_every_field_of_the_document_counts_as_work_but_where_the_camera_stands(
     scan = window.session.document.scans[0]
     for each in dataclasses.fields(scan):
         if each.name != "path":
-            window.edit(scans=(dataclasses.replace(scan, **{each.name: other(scan, each.name)}),))
+            value = MOVED if each.name == "transform" else other(scan, each.name)
+            window.edit(scans=(dataclasses.replace(scan, **{each.name: value}),))
             assert window.flow.changed, each.name
             window.session.work.undo()
     window.session.view_settings.background = "sky"
