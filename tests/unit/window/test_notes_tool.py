@@ -92,9 +92,12 @@ def test_a_marker_behind_the_camera_is_not_hit(made):
 def test_only_pictures_are_attached_and_only_to_the_note_that_is_there(made, tmp_path):
     tool, context = made
     tool.pointer(click(200, 150), context)
-    fields = NoteFields()
-    fields._attach(context, tool, 0, [tmp_path / "a.txt"])
+    tool.pointer(click(300, 150), context)
+    fields, (note, other) = NoteFields(), context.document.annotations
+    fields._attach(context, tool, note, [tmp_path / "a.txt"])
     assert context.document.annotations[0].picture == "" and "a.txt is not attached" in context.toasts[-1]
-    fields._attach(context, tool, 5, [tmp_path / "a.jpg"])
-    fields._attach(context, tool, 0, [tmp_path / "a.JPG"])
+    tool.delete(context, 0)  # while the dialog is open
+    fields._attach(context, tool, note, [tmp_path / "a.jpg"])
+    assert context.document.annotations == (other,)
+    fields._attach(context, tool, other, [tmp_path / "a.JPG"])
     assert context.document.annotations[0].picture == str(tmp_path / "a.JPG")

@@ -144,7 +144,7 @@ class NoteFields:
         if not note.picture:
             if ui.button("Attach a picture…"):
                 context.files.open("photographs", "Attach a picture", {"Pictures": PICTURE_ENDINGS},
-                                   lambda paths: self._attach(context, tool, number, paths))
+                                   lambda paths: self._attach(context, tool, note, paths))
             return
         if self._small is not None:
             if self._texture is None:
@@ -173,12 +173,14 @@ class NoteFields:
 
         self.viewer.open(context, Viewed(path, Path(path).stem, lambda longest: attached_picture(path, longest), file))
 
-    def _attach(self, context: ToolContext, tool: NoteActions, number: int, paths: list[Path]) -> None:
-        path = str(paths[0])
+    def _attach(self, context: ToolContext, tool: NoteActions, asked: Annotation, paths: list[Path]) -> None:
+        """Attaches to the note for which the dialog was opened: notes may have been deleted or edited since."""
+        path, notes = str(paths[0]), context.document.annotations
+        place = next((number for number, note in enumerate(notes) if note.identity == asked.identity), None)
         if not is_picture_name(path):
             context.toast(f"{paths[0].name} is not attached: a picture ends in {', '.join(PICTURE_ENDINGS)}")
-        elif number < len(context.document.annotations):
-            tool.change(context, number, "Attach a picture", picture=path)
+        elif place is not None:
+            tool.change(context, place, "Attach a picture", picture=path)
 
 
 def swatch(ui: Any, context: ToolContext, note: Annotation) -> None:
