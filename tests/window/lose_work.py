@@ -1,9 +1,10 @@
 """Tries to lose work, by X events in real windows: ``python tests/window/lose_work.py MINUTES SEED FOLDER``.
 
-Each attempt opens a scan, measures, does a few random things on the way and ends the window in a random way; then what was
-measured must be in the project, or be offered by the next start and be in the project after that.  A line for each attempt goes
-to FOLDER/log.md; the files of those that are not OK are kept.  LOST: work or a foreign file is gone, or the title is wrong.
-ODD: the attempt did not come to its end.  What happens on the way and at the end is in lose_work_actions.py.
+Each attempt opens a scan, measures, does a few random things on the way, writing notes among them, and ends the window in a
+random way; then what was measured and written must be in the project, or be offered by the next start and be in the project
+after that.  A line for each attempt goes to FOLDER/log.md; the files of those that are not OK are kept.  LOST: work or a
+foreign file is gone, or the title is wrong.  ODD: the attempt did not come to its end.  What happens on the way and at the end
+is in lose_work_actions.py.
 """
 
 import os
