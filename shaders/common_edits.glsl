@@ -7,11 +7,25 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     uvec4 hidden[2];     // a bit for each station
     vec4 upward;         // xyz: the axis of BY_ALONG in the view frame; w: the eye along it, above the ramp's lower end
     vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
-    uvec4 mode;          // x: what colours points, BY_... (viewer.picture.colour_modes.PointValue); y: 1 where points have classes; z: 1 + station to be dimmed
+    uvec4 mode;          // x: what colours points, BY_... (viewer.picture.colour_modes.PointValue); y: 1 where points have classes; z: 1 + station to be dimmed; w: 1 where classes are hidden
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
+    uvec4 hidden_classes[2];  // a bit for each class
+    uvec4 marks[64];     // what each mark of a point says: its class (MARK_HAS_CLASS), MARK_SELECTED, MARK_DROPPED
 };
 
-bool dropped(vec3 at, uint station) {
+// What the mark of a point says.  code: 0 to 255.
+uint mark_entry(uint code) { return marks[code >> 2][code & 3u]; }
+
+uint marked_class(uint second, uint mark) {
+    return (mark & uint(MARK_HAS_CLASS)) != 0u ? mark & 255u : point_class(second, mode.y != 0u);
+}
+
+bool dropped(vec3 at, uint second, uint station, uint mark) {
+    if ((mark & uint(MARK_DROPPED)) != 0u) return true;
+    if (mode.w != 0u) {
+        uint code = marked_class(second, mark);
+        if ((hidden_classes[code >> 7][(code >> 5) & 3u] >> (code & 31u) & 1u) != 0u) return true;
+    }
     if ((hidden[station >> 7][(station >> 5) & 3u] >> (station & 31u) & 1u) != 0u) return true;
     uint inside = 0u;
     for (uint i = 0u; i < clip_groups.x; ++i) {
@@ -32,11 +46,11 @@ uint dimmed(uint third) {
 }
 
 // The point's third word with the colour of its attribute; unchanged where points are coloured by RGB and not dimmed.
-uint recoloured(uint second, uint third, vec3 at) {
+uint by_attribute(uint second, uint third, vec3 at, uint mark) {
     if (mode.z == 1u + (third >> 24)) return dimmed(third);
     if (mode.x == uint(BY_COLOUR)) return third;
     uint row;
-    if (mode.x == uint(BY_CLASS)) row = point_class(second, mode.y != 0u);
+    if (mode.x == uint(BY_CLASS)) row = marked_class(second, mark);
     else if (mode.x == uint(BY_STATION)) row = third >> 24;
     else {
         // In the order of viewer/render/raster/point_loops.py, which must choose the same colour.
@@ -49,4 +63,11 @@ uint recoloured(uint second, uint third, vec3 at) {
         row = uint(clamp(level, 0.0, 255.0) + 0.5);
     }
     return (third & 0xFF000000u) | table[row >> 2][row & 3u];
+}
+
+// The same, tinted where the point is selected.  Reference implementation, to the byte: edit_block.tinted.
+uint recoloured(uint second, uint third, vec3 at, uint mark) {
+    uint word = by_attribute(second, third, at, mark);
+    if ((mark & uint(MARK_SELECTED)) == 0u) return word;
+    return (word & 0xFF000000u) | ((word >> 1 & 0x7F7F7Fu) + uint(SELECTED_HALF));
 }

@@ -6,6 +6,7 @@
 #ifdef EDITED
 #include "common_attributes.glsl"
 #include "common_edits.glsl"
+#include "common_marks.glsl"
 #endif
 
 layout(local_size_x = LANES) in;
@@ -24,8 +25,9 @@ void main() {
             if (p.z > soft_limit(uintBitsToFloat(~keys[pixel]))) continue;
             uint word = points[3u * index + 2u];
 #ifdef EDITED
-            if (dropped(p.at, word >> 24)) continue;
-            word = recoloured(points[3u * index + 1u], word, p.at);
+            uint second = points[3u * index + 1u], mark = mark_of(index);
+            if (dropped(p.at, second, word >> 24, mark)) continue;
+            word = recoloured(second, word, p.at, mark);
 #endif
             add_colour(pixel, word, point_weight(p.at, word));
         }

@@ -4,6 +4,7 @@
 #ifdef EDITED
 #include "common_attributes.glsl"
 #include "common_edits.glsl"
+#include "common_marks.glsl"
 #endif
 
 layout(local_size_x = LANES) in;
@@ -19,7 +20,7 @@ void main() {
             Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
             if (!p.inside) continue;
 #ifdef EDITED
-            if (dropped(p.at, points[3u * index + 2u] >> 24)) continue;
+            if (dropped(p.at, points[3u * index + 1u], points[3u * index + 2u] >> 24, mark_of(index))) continue;
 #endif
             uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
             uint key = ~floatBitsToUint(p.z);

@@ -1,7 +1,7 @@
 """Edits: what a document changes of the pictures of its scans.
 
-Clips, hidden stations and hidden ghosts remove points; the look colours them and develops the picture; the lock keeps measured
-pixels in the neural view.  Plain values: viewer.render.raster.edit_block turns them into what shaders read.
+Clips and what is hidden (stations, classes, regions, ghosts) remove points; the look colours them and develops the picture; the
+lock keeps measured pixels in the neural view.  Plain values: viewer.render.raster.edit_block turns them into what shaders read.
 Frame: clips and the up axis in file coordinates, float64.
 """
 
@@ -11,7 +11,10 @@ from dataclasses import dataclass, field, fields, replace
 
 from ..common.errors import InputError
 from .clip import Clip, Vector, active
+from .json_values import UNLESS_DEFAULT
 from .look import Look
+from .point_sets import NO_POINTS, PointSet
+from .regions import LAST_CLASS, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
 
 GHOSTS = ("shown", "dimmed", "hidden")
@@ -32,6 +35,8 @@ class Edits:
     lock_measured: pixels that were measured are shown as measured in the neural view, too.
     ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS; it applies where the
     scene's ghosts are marked (Scene.marked).
+    hidden_classes: codes of the classes that are not drawn.  regions: named sets of points.  reclassified: points that have
+    another class than in their file, each in one entry.  selection: points that are tinted.
     Raises InputError naming a bad value.
     """
 
@@ -41,6 +46,10 @@ class Edits:
     look: Look = field(default_factory=Look)
     lock_measured: bool = False
     ghosts: str = "shown"
+    hidden_classes: tuple[int, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+    regions: tuple[Region, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+    reclassified: tuple[ClassChange, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+    selection: PointSet = field(default=NO_POINTS, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
@@ -49,6 +58,8 @@ class Edits:
             raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
         if self.ghosts not in GHOSTS:
             raise InputError(f"expected one of {', '.join(GHOSTS)}", option="ghosts", value=self.ghosts)
+        if not all(0 <= code <= LAST_CLASS for code in self.hidden_classes):
+            raise InputError(f"hidden classes {list(self.hidden_classes)}: expected numbers from 0 to {LAST_CLASS}")
 
     @property
     def none(self) -> bool:
@@ -59,7 +70,8 @@ class Edits:
     @property
     def drops(self) -> bool:
         """Whether some points may not be drawn."""
-        return bool(active(self.clips) or self.hidden_stations or self.ghosts == "hidden")
+        hidden = self.hidden_stations or self.hidden_classes or hidden_regions(self.regions)
+        return bool(active(self.clips) or hidden or self.ghosts == "hidden")
 
     @property
     def recolours(self) -> bool:
@@ -69,7 +81,7 @@ class Edits:
     @property
     def changes_points(self) -> bool:
         """Whether some point is drawn differently, or not at all; the rest of the look develops the finished picture."""
-        return self.drops or self.recolours or self.ghosts == "dimmed"
+        return self.drops or self.recolours or self.ghosts == "dimmed" or bool(self.selection)
 
     def shown_in(self, views: Iterable[str]) -> "Edits | None":
         """The edits of points that apply to a picture of these views, None where none does: hole fill and network use RGB

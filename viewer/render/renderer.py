@@ -17,6 +17,7 @@ from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
 from ..common.errors import DeviceLostError, InputError, Option
 from ..common.text import bytes_text
+from ..grid.records.point_marks import marks_of
 from ..picture.edits import Edits
 from ..picture.settings import MEMORY, Memory, Settings
 from ..picture.views import VIEWS, passes_of
@@ -33,6 +34,7 @@ from .passes.filter_cpu import CpuDepthFilter
 from .raster.choose_raster import RASTERISERS as RASTERISERS
 from .raster.choose_raster import RasterChoice, fastest
 from .raster.edit_block import block_of, without_clipped_cells
+from .raster.mark_pages import MarkPages
 from .raster.points import PointPages
 from .raster.raster import Rasteriser
 from .raster.raster_cpu import CpuRasteriser
@@ -74,6 +76,7 @@ class Renderer:
         self._make_pages = partial(PointPages, context, scene, self.device.storage_limit, software=self.device.software,
                                    read_ahead=memory.read_ahead, wake=wake)
         self.pages = self._make_pages(budget=memory.gpu)
+        self._marks = MarkPages(context)
         self._stages = Stages(context, software=self.device.software)
         self._runs, self._serial = NetworkRuns(self._stages, wake), 0
 
@@ -190,10 +193,12 @@ class Renderer:
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
         recalled = self._history(history, settings, views, rasteriser)
+        marks = None if edits is None else marks_of(self.scene, edits)
         with self._stages("raster"):
             rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)
             hides = rasteriser.run(self.pages, draw, camera, soft, rounds, history=recalled, stations=stations,
-                                   edits=None if edits is None else block_of(edits, self.scene, camera))
+                                   edits=None if edits is None else block_of(edits, self.scene, camera, marks),
+                                   marks=None if marks is None else self._marks.use(marks))
         facts = raster_facts(rasteriser, draw, self.pages, self.scene, settings, opengl=self.device.renderer, weighted=weighted,
                              hides=hides)  # fmt: skip
         return rasteriser, facts
@@ -307,5 +312,6 @@ class Renderer:
         self._sizes.release()
         self._stages.release()
         self.pages.release()
+        self._marks.release()
         self._programs.release()
         give_back()

@@ -18,6 +18,7 @@ from ..common.text import with_whole_characters
 from ..picture.camera import Camera
 from ..picture.edits import Edits
 from ..picture.json_values import UNLESS_DEFAULT
+from ..picture.regions import hidden_regions
 from ..picture.settings import BACKGROUNDS, Settings
 from .measuring.measurement import MeasuredPoint, Measurement
 from .notes.annotation import Annotation
@@ -109,6 +110,8 @@ class Document(Edits):
         """What changes pictures of the scans, without the rest; equal for documents whose pictures are."""
         found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Edits)}
         found["hidden_stations"] = tuple(sorted(self.hidden_stations))
+        found["hidden_classes"] = tuple(sorted(self.hidden_classes))
+        found["regions"] = tuple(replace(region, name="") for region in hidden_regions(self.regions))
         return Edits(**found)
 
 
@@ -128,6 +131,7 @@ def with_whole_names(document: Document) -> Document:
         path=replace(document.path, keyframes=keys),
         measurements=tuple(replace(named(made), points=points(made)) for made in document.measurements),
         annotations=tuple(note.with_whole_texts() for note in document.annotations),
+        regions=tuple(map(named, document.regions)),
     )
 
 

@@ -4,17 +4,22 @@ Frame: file coordinates, file units.  A point lies within half a grid step of wh
 side over 65,536, micrometres to fractions of a millimetre for a building).
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..common.errors import InputError
 from ..common.progress import progress
-from ..picture.clip import Clip, box_around, contains, may_contain
+from ..grid.records.point_marks import file_keys, has_sets, marks_of
+from ..picture.clip import Clip, active, box_around, contains, may_contain
+from ..picture.edits import Edits
+from ..picture.point_sets import NO_POINTS, PointSet
+from ..picture.regions import LAST_CLASS, Region
 
 if TYPE_CHECKING:
+    from ..grid.records.point_marks import PointMarks
     from ..grid.scene import Scene
 
 BLOCK = 1 << 20
@@ -35,37 +40,93 @@ class Block:
 
 @dataclass(frozen=True)
 class Selection:
-    """The points of a scene that are in sight: not of a hidden station, left by ``clips`` and, separately, by ``within``.
+    """The points of a scene that are in sight: not hidden with their station, class or region, left by ``clips`` and,
+    separately, by ``within``.
 
     clips: of the project.  within: of ``--clip``.  hidden: numbers of stations that are left out, hidden ghosts among them
-    (Scene.hidden_stations).
+    (Scene.hidden_stations).  hidden_classes: codes that are left out.  classes: codes of which points are, of ``--class``;
+    None: of any.  marks: what was done to single points: hidden with a region, classified anew; None: nothing.
     """
 
     scene: "Scene"
     clips: tuple[Clip, ...] = ()
     within: tuple[Clip, ...] = ()
     hidden: frozenset[int] = frozenset()
+    hidden_classes: frozenset[int] = frozenset()
+    classes: frozenset[int] | None = None
+    marks: "PointMarks | None" = None
+
+    @staticmethod
+    def in_sight(scene: "Scene", edits: Edits, within: tuple[Clip, ...] = (), *, classes: frozenset[int] | None = None,
+                 only: PointSet | None = None) -> "Selection":
+        """What a person sees of a scene with these edits.  only: of these points; None: of all.  Raises InputError where single
+        points are hidden or classified, and the grid does not tell which of the file these are."""
+        stored = replace(edits, selection=NO_POINTS)  # a selection hides nothing
+        if only is not None:
+            files = file_keys(scene)
+            rest = Region("", PointSet.of(~only.mask(files), files), shown=False)
+            stored = replace(stored, regions=(*stored.regions, rest))
+        if has_sets(stored):
+            file_keys(scene)
+        return Selection(scene, edits.clips, within, scene.hidden_stations(edits), frozenset(edits.hidden_classes), classes,
+                         marks_of(scene, stored))
+
+    @property
+    def everything(self) -> bool:
+        """Whether nothing is left out."""
+        hidden = self.hidden or self.hidden_classes or (self.marks is not None and self.marks.drops_any)
+        return not (active(self.clips) or self.within or hidden or self.classes is not None)
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
-        from ..grid.scene import attributes_of, scan_numbers, unpack
+        from ..grid.scene import scan_numbers, unpack
 
         scene = self.scene
         for start, stop in self._runs(label):
             xyz, rgb, intensity, station = unpack(scene, slice(start, stop))
-            classes = attributes_of(scene, slice(start, stop)).classification
-            classes = np.zeros(len(xyz), np.uint8) if classes is None else classes
-            kept = self.keeps(xyz, station) if self.clips or self.within or self.hidden else slice(None)
+            some = slice(start, stop)
+            classes = self.classes_of(some)
+            kept = slice(None) if self.everything else self.keeps(xyz, station, some)
             if scene.marked is not None:  # a ghost in sight is a point of its own station
                 station = scan_numbers(scene.points[start:stop])
             if len(xyz[kept]):
                 yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
 
-    def keeps(self, xyz: np.ndarray, station: np.ndarray) -> np.ndarray:
-        """(n,) bool: which points are in sight.  xyz: (n, 3) file coordinates.  station: (n,) uint8 scan numbers."""
+    def keeps(self, xyz: np.ndarray, station: np.ndarray, index: Any) -> np.ndarray:
+        """(n,) bool: which points are in sight.  xyz: (n, 3) file coordinates.  station: (n,) uint8 scan numbers.  index: their
+        numbers in the scene, a slice or (n,) of them."""
         hidden = np.zeros(256, bool)
         hidden[list(self.hidden)] = True
-        return ~hidden[station] & contains(self.clips, xyz) & contains(self.within, xyz)
+        kept = ~hidden[station] & contains(self.clips, xyz) & contains(self.within, xyz)
+        codes = None if self.marks is None else self.marks.of_point[index]
+        return kept & self.allows(codes, lambda: self._own_classes(index))
+
+    def allows(self, codes: np.ndarray | None, own: Callable[[], np.ndarray | None]) -> np.ndarray | bool:
+        """Which points their marks and classes leave in sight.  codes: (n,) marks; None: none has any.  own: gives the (n,)
+        classes in the file, None where it has none; called where classes count."""
+        kept: np.ndarray | bool = True
+        if self.marks is not None and codes is not None:
+            kept = ~self.marks.drops[codes]
+        if self.hidden_classes or self.classes is not None:
+            found = own()
+            found = found if self.marks is None or codes is None else self.marks.classes(codes, found)
+            wanted = np.zeros(256, bool)
+            wanted[range(256) if self.classes is None else list(self.classes)] = True
+            wanted[list(self.hidden_classes)] = False
+            kept &= wanted[0 if found is None else found]
+        return kept
+
+    def classes_of(self, index: Any) -> np.ndarray:
+        """(n,) uint8: the present classes of the points at ``index``, 0 where they have none."""
+        own = self._own_classes(index)
+        if self.marks is not None:
+            return self.marks.classes(self.marks.of_point[index], own)
+        return np.zeros(len(np.atleast_1d(self.scene.points[index, 0])), np.uint8) if own is None else own
+
+    def _own_classes(self, index: Any) -> np.ndarray | None:
+        from ..grid.scene import attributes_of
+
+        return attributes_of(self.scene, index).classification if self.scene.attributes.has_classes else None
 
     def _runs(self, label: str) -> Iterator[tuple[int, int]]:
         scene = self.scene
@@ -109,3 +170,25 @@ def parse_box(text: str) -> Clip:
 def clips_of(texts: Sequence[str]) -> tuple[Clip, ...]:
     """The boxes of ``--clip`` options; a point inside any of them is left."""
     return tuple(parse_box(text) for text in texts)
+
+
+def classes_of(text: str | None) -> frozenset[int] | None:
+    """The codes of ``--class``, such as 2,6; None where it is not given.  Raises InputError."""
+    if text is None:
+        return None
+    try:
+        found = frozenset(int(part) for part in text.split(","))
+    except ValueError:
+        found = frozenset({-1})
+    if not all(0 <= code <= LAST_CLASS for code in found):
+        raise InputError(f"expected codes from 0 to {LAST_CLASS}, such as 2,6", option="--class", value=text)
+    return found
+
+
+def region_named(regions: Sequence[Region], name: str) -> Region:
+    """The first region of a name.  Raises InputError where there is none."""
+    for region in regions:
+        if region.name == name:
+            return region
+    known = ", ".join(region.name for region in regions) or "none"
+    raise InputError(f"the project has no such region (it has: {known})", option="--region", value=name)

@@ -188,8 +188,8 @@ def test_points_that_are_not_drawn_are_not_fitted(pipe_scene):
     click = click[np.linalg.norm(click - pipe.click, axis=1).argmin()]
     cut = float((click - pipe.middle) @ pipe.axis) + 0.04
 
-    def below(xyz, scans):
-        assert len(xyz) == len(scans)
+    def below(xyz, scans, index):
+        assert len(xyz) == len(scans) == len(index)
         return (xyz - pipe.middle) @ pipe.axis < cut
 
     whole, part = fit_at(scene, vector(click), "pipe"), fit_at(scene, vector(click), "pipe", below)
@@ -198,7 +198,7 @@ def test_points_that_are_not_drawn_are_not_fitted(pipe_scene):
     assert ends == pytest.approx([-pipe.length / 2, cut], abs=0.02)
     assert part.count < whole.count and part.radius == pytest.approx(pipe.radius, rel=0.05)
     with pytest.raises(NoFit, match="nothing can be fitted here: 0 measured points"):
-        fit_at(scene, vector(click), "pipe", lambda xyz, scans: np.zeros(len(xyz), bool))
+        fit_at(scene, vector(click), "pipe", lambda xyz, *_: np.zeros(len(xyz), bool))
 
 
 def a_fit(**changes) -> Fit:

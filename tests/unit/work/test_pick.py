@@ -113,7 +113,7 @@ def test_points_that_are_clipped_away_are_not_picked(room):
     xyz = unpack(room)[0]
     box = box_around(low, np.array([middle[0], high[1], high[2]]))
     depth, _ = draw(camera, xyz)
-    assert pick(room, camera, np.isfinite(depth), depth, (48, 36), kept=lambda p, _: contains([box], p)) is None
+    assert pick(room, camera, np.isfinite(depth), depth, (48, 36), kept=lambda p, *_: contains([box], p)) is None
     assert pick(room, camera, np.isfinite(depth), depth, (48, 36)) is not None
 
 

@@ -11,6 +11,8 @@ from pointglass.viewer.picture.clip import Box, Slab
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
 from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.point_sets import PointSet
+from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
 from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.picture.views import VIEWS
@@ -18,11 +20,13 @@ from pointglass.viewer.work.document import Document
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
 SLAB = Slab((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+SOME = PointSet.of(np.arange(9) > 5, (("scan.las", 9),))
 OTHERS: dict[type, dict[str, object]] = {
     Box: {"axes": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), "centre": (1.0, 0.0, 0.0), "half": (1.0, 2.0, 4.0)},
     Slab: {"normal": (0.0, 1.0, 0.0), "centre": (1.0, 0.0, 0.0)},
     Edits: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
-                  "ghosts": GHOSTS[1]},
+                  "ghosts": GHOSTS[1], "hidden_classes": (2,), "regions": (Region("", SOME, shown=False),),
+                  "reclassified": (ClassChange(6, SOME),), "selection": SOME},
     Look: {"colour_by": next(name for name in COLOUR_BY if name != "rgb"), "ramp": tuple(RAMPS)[1]},
 }
 """Another value of a field where :func:`other` cannot tell one."""

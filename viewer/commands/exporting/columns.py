@@ -245,6 +245,6 @@ class GridColumns:
         layout = scene.attributes
         for block in self._selection.blocks(label):
             columns = {"intensity": block.intensity} if layout.low is not None else {}
-            if layout.has_classes:
+            if layout.has_classes or (self._selection.marks is not None and self._selection.marks.reclassifies):
                 columns["classification"] = block.classification
             yield Piece(0, block.xyz, block.rgb, block.station.astype(np.int64), columns)

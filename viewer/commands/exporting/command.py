@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from ....model.common.files.atomic_write import passes_through, write_atomic
@@ -16,7 +17,7 @@ from ...common.errors import InputError
 from ...common.text import bytes_text, counted
 from ...preprocess.scan_description import OF_SEVERAL
 from ...readers.grid_folder import is_grid
-from ...work.selection import Selection, clips_of
+from ...work.selection import Selection, classes_of, clips_of, region_named
 from ..open_project import opened
 from .losses import Losses
 from .reproject import target_of
@@ -42,6 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BOX",
         help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up",
     )
+    parser.add_argument(
+        "--class",
+        dest="classes",
+        metavar="CODES",
+        help="keep only points of these classes, such as 2,6; in a project, as they are classified there",
+    )
+    parser.add_argument("--region", metavar="NAME", help="keep only points of this region of the project, shown or hidden")
     parser.add_argument(
         "--reproject",
         metavar="EPSG",
@@ -113,11 +121,14 @@ def run(options: argparse.Namespace) -> int:
     check_ending(options.out)
     if options.reproject is not None:
         target_of(options.reproject)
-    boxes = clips_of(options.clip)
+    boxes, classes = clips_of(options.clip), classes_of(options.classes)
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
     scene, document = opened(options, match=matched or not options.no_cache)
-    selection = Selection(scene, document.clips, boxes, scene.hidden_stations(document))
+    region = None if options.region is None else region_named(document.regions, options.region)
+    if region is not None:
+        document = replace(document, regions=tuple(each for each in document.regions if each is not region))
+    selection = Selection.in_sight(scene, document, boxes, classes=classes, only=None if region is None else region.points)
 
     def note(text: str) -> None:
         print(f"pointglass: {options.out}: {text}", file=sys.stderr)

@@ -16,6 +16,7 @@ from ...common.progress import progress
 from ...grid.records.point_records import identity_of
 from ...picture.clip import contains
 from ...preprocess.scan_description import RecordOrigin, ScanSummary
+from ...readers.class_codes import class_codes
 from ...readers.source import Records, ScanInfo, Source
 from ...work.selection import BLOCK
 
@@ -97,8 +98,7 @@ class SourceRecords:
     @property
     def everything(self) -> bool:
         """Whether nothing is left out."""
-        chosen = self.selection
-        return not (chosen.clips or chosen.within or chosen.hidden)
+        return self.selection.everything
 
     @property
     def count(self) -> int | None:
@@ -118,7 +118,11 @@ class SourceRecords:
                 for found in source.record_chunks():
                     records = self._coloured(found, running)
                     scans = self.numbers.of(number, running, records.scan, len(records.xyz))
-                    yield number, self.mask(running, records.xyz, scans), scans, records
+                    own = records.columns.get("classification")
+                    mask = self.mask(running, records.xyz, scans, own)
+                    if (classes := self.classes(running, len(records.xyz), own)) is not None:
+                        records = replace(records, columns={**records.columns, "classification": classes})
+                    yield number, mask, scans, records
                     running += len(records.xyz)
                     meter.update(len(records.xyz))
 
@@ -131,13 +135,24 @@ class SourceRecords:
     def meter(self, label: str):
         return progress(self.count or 0, label, "point")
 
-    def mask(self, first: int, xyz: np.ndarray, scans: np.ndarray) -> np.ndarray | None:
-        """(n,) bool: which records are selected; None: all.  first: running number of the first.  scans: (n,) of each."""
+    def classes(self, first: int, count: int, own: np.ndarray | None) -> np.ndarray | None:
+        """(count,) uint8: the present classes of records; None where no point has been classified anew.  first: running number
+        of the first record.  own: (count,) classes in the file, None where it has none."""
+        marks = self.selection.marks
+        if marks is None or not marks.reclassifies:
+            return None
+        return marks.classes(marks.of_record[first : first + count], None if own is None else class_codes(own))
+
+    def mask(self, first: int, xyz: np.ndarray, scans: np.ndarray, own: np.ndarray | None) -> np.ndarray | None:
+        """(n,) bool: which records are selected; None: all.  first: running number of the first.  scans: (n,) of each.
+        own: (n,) classes in the file, None where it has none."""
         if self.everything:
             return None
         chosen = self.selection
         hidden = [number for number in chosen.hidden if self.scene.marked is None or number != self.scene.marked.station]
         kept = contains(chosen.clips, xyz) & contains(chosen.within, xyz)
+        codes = None if chosen.marks is None else chosen.marks.of_record[first : first + len(xyz)]
+        kept &= chosen.allows(codes, lambda: None if own is None else class_codes(own))
         if hidden:
             kept &= ~(np.isin(scans, hidden) | ((scans > _LAST) & (_LAST in hidden)))
         if len(self._ghosts):
@@ -192,6 +207,6 @@ def refuse_empty(scene: "Scene") -> InputError:
     """The error where a selection leaves no point."""
     low, high = ([f"{value:.3f}" for value in corner] for corner in scene.bounds)
     return InputError(
-        "the clips and hidden stations leave no point; the scan lies between "
+        "the clips and what is hidden leave no point; the scan lies between "
         f"{','.join(low)} and {','.join(high)} (file coordinates)"
     )

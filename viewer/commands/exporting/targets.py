@@ -35,7 +35,7 @@ def check_ending(path: Path) -> None:
 
 def bytes_needed(path: Path, selection: Selection) -> int:
     """A low estimate of a file's size; 0 where a selection decides it."""
-    if selection.clips or selection.within or selection.hidden:
+    if not selection.everything:
         return 0
     return selection.scene.count * TARGETS[path.suffix.lower()].least_bytes
 

@@ -18,7 +18,9 @@ _BLOCK = 1 << 24
 def can_copy(stream: SourceRecords, target: Target) -> bool:
     """Whether the file to write is the only source as it is: nothing left out, recoloured, moved or assigned."""
     source = stream.sources[0]
-    plain = stream.everything and stream.colours is None and not stream.scene.meta.assigned and unmoved(source)[1] is None
+    marks = stream.selection.marks
+    same = stream.everything and (marks is None or not marks.reclassifies)
+    plain = same and stream.colours is None and not stream.scene.meta.assigned and unmoved(source)[1] is None
     return len(stream.sources) == 1 and plain and source.format in target.same and source.path.is_file()
 
 

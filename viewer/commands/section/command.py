@@ -150,7 +150,7 @@ def run(options: argparse.Namespace) -> int:
     scene, document = opened(options)
     say_degrees(scene)
     cuts = [cut_of(kind, value, options, scene, document) for kind, value in options.cuts]
-    selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
+    selection = Selection.in_sight(scene, document)
     unit = unit_name(scene.meta.metres_per_unit)
     if options.out.suffix.lower() == ".dxf":
         print(f"{trace_text(write_lines(options.out, selection, cuts[0], request), unit)}, in {options.out}")

@@ -13,11 +13,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ...grid.records.point_marks import DROPPED, HAS_CLASS, SELECTED
 from ...grid.scene import unpack
 from ...picture.clip import MOST_CLIPS, active, group, may_contain, normals
 from ...picture.colour_modes import COLOUR_BY, LEVELS, PointValue, colours_of
 
 if TYPE_CHECKING:
+    from ...grid.records.point_marks import PointMarks
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...picture.edits import Edits
@@ -25,13 +27,17 @@ if TYPE_CHECKING:
 
 BLOCK = np.dtype([
     ("clip_rows", "<f4", (3 * MOST_CLIPS, 4)), ("clip_groups", "<u4", 4), ("hidden", "<u4", 8), ("upward", "<f4", 4),
-    ("ramp", "<f4", 4), ("mode", "<u4", 4), ("table", "<u4", LEVELS),
+    ("ramp", "<f4", 4), ("mode", "<u4", 4), ("table", "<u4", LEVELS), ("hidden_classes", "<u4", 8), ("marks", "<u4", 256),
 ])  # fmt: skip
 """The uniform block Edits of common_edits.glsl (std140)."""
 DIMMED_LEAST, DIMMED_SHIFT = 40, 2
 """A dimmed point is grey: this level, and its own brightness shifted right by this many bits:
 40 to 103, darker than the middle and lighter than a black background."""
+SELECTED_COLOUR = (255, 170, 0)
+"""Orange, mixed in equal parts with the colour of a selected point.  Chosen by eye."""
 DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT,
+           "MARK_HAS_CLASS": HAS_CLASS, "MARK_SELECTED": SELECTED, "MARK_DROPPED": DROPPED,
+           "SELECTED_HALF": sum(level // 2 << 8 * n for n, level in enumerate(SELECTED_COLOUR)),
            **{f"BY_{value.name}": int(value) for value in PointValue}}
 """Constants of common_edits.glsl."""
 _SAMPLE = 200_000
@@ -40,8 +46,8 @@ many the share beyond a percentile of 0.5 has a standard error of 0.016 % (sqrt(
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
 
 
-def block_of(edits: "Edits", scene: "Scene", camera: "Camera") -> bytes:
-    """The uniform block Edits for a picture, as bytes."""
+def block_of(edits: "Edits", scene: "Scene", camera: "Camera", marks: "PointMarks | None" = None) -> bytes:
+    """The uniform block Edits for a picture, as bytes.  marks: of the scene's points; None: none is marked."""
     data = np.zeros((), BLOCK)
     rotation = camera.view_rotation
     groups = np.zeros(3, np.uint32)
@@ -52,9 +58,13 @@ def block_of(edits: "Edits", scene: "Scene", camera: "Camera") -> bytes:
         data["clip_rows"][3 * number : 3 * number + 3, 3] = rows @ (camera.position - np.array(clip.centre))
         groups[group(clip)] |= np.uint32(1 << number)
     data["clip_groups"] = (len(clips), *groups)
-    for station in scene.hidden_stations(edits):
-        if 0 <= station < LEVELS:
-            data["hidden"][station // 32] |= np.uint32(1 << station % 32)
+    for name, numbers in (("hidden", scene.hidden_stations(edits)), ("hidden_classes", edits.hidden_classes)):
+        for number in numbers:
+            if 0 <= number < LEVELS:
+                data[name][number // 32] |= np.uint32(1 << number % 32)
+    if marks is not None:
+        data["marks"] = marks.table
+    data["mode"][3] = bool(edits.hidden_classes)
     low, high = ends_of(edits, scene, camera)
     mode = COLOUR_BY[edits.look.colour_by]
     up = np.array(mode.axis or edits.up)
@@ -69,6 +79,11 @@ def block_of(edits: "Edits", scene: "Scene", camera: "Camera") -> bytes:
     colours = colours_of(edits.look.colour_by, edits.look.ramp).astype(np.uint32)
     data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16
     return data.tobytes()
+
+
+def tinted(rgb: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8: colours of points (n, 3) uint8 as selected points have them; common_edits.glsl does the same."""
+    return rgb // 2 + np.array(SELECTED_COLOUR, np.uint8) // 2
 
 
 def dimmed(rgb: np.ndarray) -> np.ndarray:

@@ -11,12 +11,15 @@ import numpy as np
 
 from ....model.common.jit import compiled
 from ....model.reference.station_constants import HEAVIEST, UNPLACED
+from ...grid.records.point_marks import DROPPED, HAS_CLASS, SELECTED
 from ...picture.colour_modes import PointValue
-from .edit_block import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
+from .edit_block import BLOCK, DEFINES, DIMMED_LEAST, DIMMED_SHIFT
 
 _F, _U = np.float32, np.uint32
 _COLOUR, _CLASS, _STATION = int(PointValue.COLOUR), int(PointValue.CLASS), int(PointValue.STATION)
 _INTENSITY, _ALONG = int(PointValue.INTENSITY), int(PointValue.ALONG)
+_HAS_CLASS, _SELECTED, _DROPPED = _U(HAS_CLASS), _U(SELECTED), _U(DROPPED)
+_SELECTED_HALF = DEFINES["SELECTED_HALF"]
 
 
 class Edited(NamedTuple):
@@ -29,6 +32,8 @@ class Edited(NamedTuple):
     ramp: np.ndarray
     mode: np.ndarray
     table: np.ndarray
+    hidden_classes: np.ndarray
+    marks: np.ndarray
 
     @staticmethod
     def of(block: bytes | None) -> "Edited":
@@ -40,8 +45,14 @@ class Edited(NamedTuple):
 
 
 @compiled(nogil=True)
-def dropped(edits, x, y, z, station):
-    """Whether edits remove a point.  x, y, z: view frame."""
+def dropped(edits, x, y, z, second, station, mark):
+    """Whether edits remove a point.  x, y, z: view frame.  second: word 1 of the point.  mark: its entry of Edited.marks."""
+    if mark & _DROPPED:
+        return True
+    if edits.mode[3] != 0:
+        code = class_of(second, edits.mode[1] != 0, mark)
+        if edits.hidden_classes[code >> _U(5)] >> (code & _U(31)) & _U(1):
+            return True
     if edits.hidden[station >> _U(5)] >> (station & _U(31)) & _U(1):
         return True
     inside, rows = _U(0), edits.clip_rows
@@ -56,10 +67,27 @@ def dropped(edits, x, y, z, station):
 
 
 @compiled(nogil=True)
-def recoloured(edits, second, third, x, y, z):
-    """The third word of a packed point with the colour of its attribute; unchanged where points keep their colours.
+def class_of(second, classes, mark):
+    """The class of a point.  classes: whether points have them."""
+    if mark & _HAS_CLASS:
+        return mark & _U(255)
+    return second >> _U(24) if classes else _U(0)
 
-    second, third: words 1 and 2 of the point, as viewer.grid.scene lays them out.  x, y, z: view frame."""
+
+@compiled(nogil=True)
+def recoloured(edits, second, third, x, y, z, mark):
+    """The third word of a packed point with the colour of its attribute, tinted where it is selected; unchanged where points
+    keep their colours.
+
+    second, third: words 1 and 2 of the point, as viewer.grid.scene lays them out.  x, y, z: view frame.  mark: of the point."""
+    third = _by_attribute(edits, second, third, x, y, z, mark)
+    if mark & _SELECTED:
+        return third & _U(0xFF000000) | ((third >> _U(1) & _U(0x7F7F7F)) + _U(_SELECTED_HALF))
+    return third
+
+
+@compiled(nogil=True)
+def _by_attribute(edits, second, third, x, y, z, mark):
     mode, ramp = edits.mode, edits.ramp
     classes = mode[1] != 0
     if mode[2] == _U(1) + (third >> _U(24)):
@@ -68,7 +96,7 @@ def recoloured(edits, second, third, x, y, z):
     if mode[0] == _COLOUR:
         return third
     if mode[0] == _CLASS:
-        row = second >> _U(24) if classes else _U(0)
+        row = class_of(second, classes, mark)
     elif mode[0] == _STATION:
         row = third >> _U(24)
     else:

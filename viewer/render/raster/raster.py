@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ....model.reference.soft_z import SoftZ
     from ...picture.camera import Camera
     from ...stream.residency import Round
+    from .mark_pages import MarkPages
     from .points import PointPages
 
 FRAME_FIELDS = np.dtype(
@@ -51,14 +52,17 @@ class Rasteriser:
         self._loaded: Round | None = None
         self.weighted = False  # whether points have weights in this picture
         self.edited = False  # whether edits remove or recolour points in this picture
+        self.marks: MarkPages | None = None  # of its points
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
-            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
+            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None,
+            marks: "MarkPages | None" = None) -> bool:
         """Rasterises a draw list in the rounds that ``pages`` prepared for it.
 
         stations: (MOST_STATIONS, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all points
         count the same.
         edits: the block of viewer.render.raster.edit_block; None: every point is drawn as it is.
+        marks: of the points, in pictures with edits; None: none is marked.
         history: hidden cells may be left out, where this rasteriser can and it is worth it.  Returns whether history was used.
         """
         raise NotImplementedError
@@ -68,7 +72,8 @@ class Rasteriser:
         """Whether this rasteriser can leave out hidden cells at this picture size."""
         return False
 
-    def _begin(self, draw: DrawList, camera: "Camera", soft: "SoftZ", *, weighted: bool, edited: bool) -> None:
+    def _begin(self, draw: DrawList, camera: "Camera", soft: "SoftZ", *, weighted: bool, edited: bool,
+               marks: "MarkPages | None" = None) -> None:
         """Writes the Frame record, except for its size."""
         record = self._record
         record["axes"][:, :3] = draw.axes
@@ -77,6 +82,7 @@ class Rasteriser:
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self._loaded = None
         self.weighted, self.edited = weighted, edited
+        self.marks = marks if edited else None
 
     def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> bool:
         """Loads the points of a round into the pages and fills ``table`` with its batches.  Returns whether this is news."""
@@ -84,6 +90,8 @@ class Rasteriser:
             return False
         if not pages.residency.complete:
             pages.load(part)
+        if self.marks is not None:
+            self.marks.follow(pages)
         where = PageMap.of(pages, self.overlap)
         self.table.fill(draw, where, group=group, groups=1 if group is None else 2, start=part.start, stop=part.stop)
         self._loaded = part

@@ -42,11 +42,11 @@ class ComputeRasteriser(ShaderRasteriser):
         self._rows, self._lag = workgroup.rows, LAG[device.software]
         self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
                         "THREADS": usable_processors() if device.software else None}
-        self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
+        self._steps: dict[tuple[bool, bool, bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Programs of depth and colour.  appended: 1 for the list of batches that occlusion culling adds."""
-        key = self.weighted, self.edited, appended
+        key = self.weighted, self.edited, self.marks is not None, appended
         if key not in self._steps:
             self._steps[key] = [
                 self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **self.variant, **more)
@@ -79,8 +79,13 @@ class ComputeRasteriser(ShaderRasteriser):
         if stop == start:
             return
         pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
+        self._bind_marks(page)
         step["first_batch"], step["batch_count"] = start, stop - start
         step.run(*rows_of_groups(-(-(stop - start) // self._rows)))
+
+    def _bind_marks(self, page: int) -> None:
+        if self.marks is not None:
+            self.marks.buffer(page).bind_to_storage_buffer(BINDINGS["MARKS"])
 
     @property
     def can_hide(self) -> bool:
@@ -110,6 +115,7 @@ class ComputeRasteriser(ShaderRasteriser):
                 self._bind()
             for page, buffer in enumerate(pages.buffers):
                 if bounds[2 * page + 2] > bounds[2 * page + 1]:
+                    self._bind_marks(page)
                     hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
             self.context.memory_barrier()
         hider.end()

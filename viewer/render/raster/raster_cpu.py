@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ...stream.residency import Round
     from ..device.context import Device
     from ..device.shader import Programs
+    from .mark_pages import MarkPages
     from .points import PointPages
 
 _TABLES = {
@@ -37,6 +38,7 @@ _TABLES = {
     False: (np.arange(256, dtype=np.uint64), np.arange(LEVELS, dtype=np.uint16).astype(np.uint8)),
 }
 """By whether colours are averaged in linear light: sRGB level to summed level, and back."""
+_UNMARKED = np.empty(0, np.uint8)
 _EQUAL, _UNEDITED = np.empty((0, 4), np.float32), Edited.of(None)
 
 
@@ -75,9 +77,10 @@ class CpuRasteriser(Rasteriser):
                     np.zeros(1, np.uint32))
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
-            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
+            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None,
+            marks: "MarkPages | None" = None) -> bool:
         width, height = self.size
-        self._begin(draw, camera, soft, weighted=stations is not None, edited=edits is not None)
+        self._begin(draw, camera, soft, weighted=stations is not None, edited=edits is not None, marks=marks)
         if not self._clean:  # an earlier picture ended in an error
             self._sums = self._cleared()
         self._clean, sums, edited = False, self._sums, _UNEDITED if edits is None else Edited.of(edits)
@@ -106,4 +109,5 @@ class CpuRasteriser(Rasteriser):
             start, stop = int(bounds[page]), int(bounds[page + 1])
             if stop > start:
                 with mapped(buffer) as words:
-                    everywhere(loop, Drawn(rows, start, stop, draw.cell_view, words, np.zeros(1, np.int64)), *arguments)
+                    marks = _UNMARKED if self.marks is None else self.marks.array(page)
+                    everywhere(loop, Drawn(rows, start, stop, draw.cell_view, words, np.zeros(1, np.int64), marks), *arguments)

@@ -39,7 +39,8 @@ class View(NamedTuple):
 
 class Drawn(NamedTuple):
     """Batches of one page.  table: (B, 4) uint32 first, count, cell, -.  start, stop: rows of it.  cells: (C, 4) float32, view
-    position of each cell's first step.  words: (3 N,) uint32.  taken: (1,) int64 counter, 0 before."""
+    position of each cell's first step.  words: (3 N,) uint32.  taken: (1,) int64 counter, 0 before.  marks: (N,) uint8 of each
+    point, rows of Edited.marks; (0,) where none is marked."""
 
     table: np.ndarray
     start: int
@@ -47,6 +48,7 @@ class Drawn(NamedTuple):
     cells: np.ndarray
     words: np.ndarray
     taken: np.ndarray
+    marks: np.ndarray
 
 
 class Sums(NamedTuple):
@@ -94,6 +96,12 @@ def _project(drawn, number, view, pixel, x, y, z):
 
 
 @compiled(nogil=True)
+def _mark(drawn, edits, number, i):
+    """What the mark of point ``i`` of a batch says."""
+    return edits.marks[drawn.marks[drawn.table[number, 0] + i]] if len(drawn.marks) > 0 else _U(0)
+
+
+@compiled(nogil=True)
 def nearest_depths(drawn, view, keys, edits):
     """First pass: the nearest depth of each pixel.  edits: of point_loops, empty where nothing is edited."""
     pixel, x, y, z = np.empty(BATCH, np.int32), np.empty(BATCH, _F), np.empty(BATCH, _F), np.empty(BATCH, _F)
@@ -111,8 +119,10 @@ def nearest_depths(drawn, view, keys, edits):
                 key = ~bits[i]
                 if keys[at] >= key:  # the plain read saves most atomic operations
                     continue
-                if len(edits.clip_rows) > 0 and dropped(edits, x[i], y[i], z[i], words[3 * i + 2] >> _U(24)):
-                    continue
+                if len(edits.clip_rows) > 0:
+                    mark = _mark(drawn, edits, number, i)
+                    if dropped(edits, x[i], y[i], z[i], words[3 * i + 1], words[3 * i + 2] >> _U(24), mark):
+                        continue
                 atomic_max(keys, at, key)
 
 
@@ -141,9 +151,10 @@ def colour_sums(drawn, view, made, to_linear, unlit, stations, edits):
                     continue
                 word = words[3 * i + 2]
                 if len(edits.clip_rows) > 0:
-                    if dropped(edits, x[i], y[i], z[i], word >> _U(24)):
+                    mark = _mark(drawn, edits, number, i)
+                    if dropped(edits, x[i], y[i], z[i], words[3 * i + 1], word >> _U(24), mark):
                         continue
-                    word = recoloured(edits, words[3 * i + 1], word, x[i], y[i], z[i])
+                    word = recoloured(edits, words[3 * i + 1], word, x[i], y[i], z[i], mark)
                 if unlit and word & _U(0xFFFFFF) == 0:
                     continue
                 weight = _W(1)

@@ -37,7 +37,9 @@ class PointRasteriser(ShaderRasteriser):
         self._arrays_for: tuple = ()
 
     def _use_arrays(self, pages: "PointPages") -> None:
-        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighted, self.edited)
+        marks = [] if self.marks is None else self.marks.buffers(pages)
+        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighted, self.edited,
+                  *(b.glo for b in marks))
         if wanted != self._arrays_for:
             self._release_arrays()
             programs = [
@@ -49,11 +51,11 @@ class PointRasteriser(ShaderRasteriser):
                 tuple(
                     self.context.vertex_array(
                         p, [(buffer, "3u", "in_point") if number or self.edited else (buffer, "2u 4x", "in_point"),
-                            (self.cells.buffer, "3f 4x/i", "in_cell")]
+                            (self.cells.buffer, "3f 4x/i", "in_cell"), *([(marks[page], "u1", "in_mark")] if marks else [])]
                     )
                     for number, p in enumerate(programs)
                 )
-                for buffer in pages.buffers
+                for page, buffer in enumerate(pages.buffers)
             ]
             self._arrays_for = wanted
 
@@ -85,6 +87,8 @@ class PointRasteriser(ShaderRasteriser):
     def _draw_all(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", number: int) -> None:
         for part in rounds:
             self._bring(pages, draw, part)
+            if self.marks is not None:
+                self.marks.buffers(pages)  # of the points of this round
             bounds = self.table.bounds
             for page in range(len(pages.buffers)):
                 start, stop = int(bounds[page]), int(bounds[page + 1])

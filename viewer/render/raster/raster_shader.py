@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ...stream.residency import Round
     from ..device.context import Device
+    from .mark_pages import MarkPages
     from .points import PointPages
 
 _SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
@@ -76,10 +77,11 @@ class ShaderRasteriser(Rasteriser):
         self._carried = resolve(CARRIED=1)
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
-            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
+            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None,
+            marks: "MarkPages | None" = None) -> bool:
         width, height = self.size
         record = self._record
-        self._begin(draw, camera, soft, weighted=stations is not None, edited=edits is not None)
+        self._begin(draw, camera, soft, weighted=stations is not None, edited=edits is not None, marks=marks)
         self.cells.write(draw.cell_view)
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
         if stations is not None:
@@ -143,7 +145,7 @@ class ShaderRasteriser(Rasteriser):
     @property
     def variant(self) -> dict[str, object]:
         """Constants of the programs that differ where edits remove or recolour points."""
-        return dict(EDITED) if self.edited else {}
+        return {**EDITED, "MARKED": None if self.marks is None else 1} if self.edited else {}
 
     def _bind_sums(self) -> None:
         self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.errors import PointglassError
-from ...picture.clip import contains, vector
+from ...picture.clip import vector
 from ...preprocess.scan_description import ScanDescription
 from ...work.fits.measured import in_scene
 from ...work.fits.silhouette import beyond_silhouette
@@ -16,6 +16,7 @@ from ...work.measuring.measure_text import unit_name
 from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
 from ...work.places.pick import Kept, Picked, pick, surface_around
+from ...work.selection import Selection
 from ..flight.navigation import view_along
 from ..kit.worker import Worker
 
@@ -94,14 +95,15 @@ def metres_per_unit(context: "ToolContext") -> float | None:
 
 
 def drawn_points(context: "ToolContext") -> "Kept | None":
-    """Which points of the scan shown are drawn: left by clips, of no hidden station; None: all."""
-    scene, clips = context.scene, context.document.clips
-    hidden = np.zeros(256, bool)
-    if scene is not None:
-        hidden[list(scene.hidden_stations(context.session.work.shown_edits))] = True
-    if not clips and not hidden.any():
-        return None
-    return lambda xyz, scans: contains(clips, xyz) & ~hidden[scans]
+    """Which points of the scan shown are drawn: left by clips, not hidden; None: all."""
+    selection = points_in_sight(context)
+    return None if selection is None or selection.everything else selection.keeps
+
+
+def points_in_sight(context: "ToolContext") -> Selection | None:
+    """The points of the scan shown that are drawn now; None where none is shown."""
+    scene = context.scene
+    return None if scene is None else Selection.in_sight(scene, context.session.work.shown_edits)
 
 
 class Pointing:

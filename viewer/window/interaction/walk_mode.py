@@ -3,6 +3,7 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ...picture.regions import hidden_regions
 from ...work.places.walk_map import WalkMap, build_walk_map
 from ...work.selection import Selection
 from ..flight.walking import PACE, stand
@@ -42,13 +43,14 @@ class WalkMode:
     def _wanted(self, context: "ToolContext") -> tuple:
         document, scene = context.document, context.scene
         hidden = frozenset() if scene is None else scene.hidden_stations(context.document)
-        return scene, tuple(document.up), metres_per_unit(context), document.clips, hidden
+        hiding = document.hidden_classes, hidden_regions(document.regions)
+        return scene, tuple(document.up), metres_per_unit(context), document.clips, hidden, hiding
 
     def _start_build(self, context: "ToolContext") -> None:
-        scene, _, metres, clips, hidden = self._of = self._wanted(context)
+        scene, _, metres, *_ = self._of = self._wanted(context)
         if self._build is not None:
             self._build.cancel()
-        sight = Selection(scene, clips, hidden=hidden)
+        sight = Selection.in_sight(scene, context.document)
         work = partial(build_walk_map, sight, context.session.flight.state.upright, 1.0 / (metres or 1.0))
         self._map, self._build = None, Worker(work, "Finding the floor", context.session.loads.wake)
 

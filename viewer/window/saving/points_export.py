@@ -45,7 +45,7 @@ class PointsExport:
     def _left_out(self) -> bool:
         """Whether something is left out: by clips, or with a hidden file or station."""
         document, scene = self._session.document, self._session.scene
-        return any(clip.active for clip in document.clips) or bool(scene and scene.hidden_stations(document))
+        return document.drops or bool(scene and scene.hidden_stations(document))
 
     @property
     def what(self) -> str:
@@ -58,7 +58,7 @@ class PointsExport:
         if session.scene is None:
             return
         scene = replace(session.scene, meta=session.facts)
-        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(document))
+        selection = Selection.in_sight(scene, document)
         self._out, self._losses = out, []
 
         def work() -> int:

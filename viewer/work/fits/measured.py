@@ -78,7 +78,7 @@ def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most
             index, xyz, looked = index[chosen], xyz[chosen], looked / step
         xyz = xyz + centre
         if kept is not None and len(index):
-            left = kept(xyz + place, scan_numbers(packed(scene, index)))
+            left = kept(xyz + place, scan_numbers(packed(scene, index)), index)
             index, xyz = index[left], xyz[left]
         return Points(xyz, index, float(looked))
 

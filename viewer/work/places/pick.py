@@ -33,8 +33,9 @@ _NEIGHBOURS = 16
 _FIRST_BALL, _DOUBLINGS = 3.0, 4
 """Radius of the first ball in point spacings of the scan, and how often it is doubled at most."""
 
-Kept = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""(n, 3) float64 positions and (n,) uint8 scan numbers -> (n,) bool: which points are drawn (clips, hidden scans)."""
+Kept = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""(n, 3) float64 positions, (n,) uint8 scan numbers and (n,) numbers in the scene -> (n,) bool: which points are drawn (clips,
+and what is hidden), as Selection.keeps."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def pick(scene: "Scene", camera: "Camera", measured: np.ndarray, depth: np.ndarr
     index, found = _points_of_pixel(scene, camera, pixel, front)
     if kept is not None and len(index):
         words = packed(scene, index)
-        left = kept(positions(scene, words, index), (words[:, 2] >> 24).astype(np.uint8))
+        left = kept(positions(scene, words, index), (words[:, 2] >> 24).astype(np.uint8), index)
         index, found = index[left], found[left]
     if len(index) == 0:
         return None

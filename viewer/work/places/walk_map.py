@@ -131,7 +131,7 @@ def build_walk_map(sight: Selection, upright: np.ndarray, metre: float) -> WalkM
         for start in range(0, head, 1 << 20):
             stop = min(start + (1 << 20), head)
             xyz, _, _, station = unpack(scene, slice(start, stop, every))
-            points.append(xyz[sight.keeps(xyz, station)] @ upright)
+            points.append(xyz[sight.keeps(xyz, station, slice(start, stop, every))] @ upright)
             meter.update(stop - start)
     if not any(len(part) for part in points):
         return None

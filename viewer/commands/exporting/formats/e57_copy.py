@@ -73,6 +73,9 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
                 gone.photographs += _copy_images(file, images, copy, task.left_out - task.kept, stream.moves[number])
         copy.finish()
     name_texts(copy.texts, losses)
+    if stream.selection.marks is not None and stream.selection.marks.reclassifies:
+        losses.add("points keep the classes of their file, since a copy of E57 records has no other fields; LAS, LAZ and PLY "
+                   "have the classes given here")
     gone.tell(losses)
     return written
 
@@ -194,7 +197,8 @@ class _Scans:
             return running + len(chunk.xyz), n
         scans = self._stream.numbers.of(self._number, running, index, len(chunk.xyz))
         transform = self._stream.moves[self._number]
-        mask = self._stream.mask(running, chunk.xyz if transform is None else moved_points(transform, chunk.xyz), scans)
+        mask = self._stream.mask(running, chunk.xyz if transform is None else moved_points(transform, chunk.xyz), scans,
+                                 chunk.classification)
         if valid is None:
             kept = np.ones(n, bool) if mask is None else mask
         else:

@@ -33,6 +33,7 @@ from .las_layout import (
     patched,
     read_layout,
     vlr,
+    with_classes,
 )
 from .las_scales import common_scale, rounded_coordinates, whole_coordinates
 
@@ -190,7 +191,9 @@ def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, co
             for chunk, records in source.native_chunks():
                 scans = stream.numbers.of(number, running, chunk.scan, len(records))
                 xyz = chunk.xyz if transform is None else moved_points(transform, chunk.xyz)
-                mask = stream.mask(running, xyz, scans)
+                mask = stream.mask(running, xyz, scans, chunk.classification)
+                if (classes := stream.classes(running, len(records), chunk.classification)) is not None:
+                    records = with_classes(records, classes, layouts[number])
                 if stream.colours is not None and chunk.rgb is not None:
                     records = records.copy()
                     for axis, name in enumerate(("red", "green", "blue")):

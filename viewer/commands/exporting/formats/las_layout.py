@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from ....common.errors import InputError
 from ....readers.scaled_values import scaled
 
 LASZIP = ("laszip encoded", 22204)
@@ -23,6 +24,8 @@ _EVLR = struct.Struct("<H16sHQ32s")
 _WAVEFORM_FORMATS = (4, 5, 9, 10)
 _COMPRESSED = 0x80
 _BLOCK = 1 << 24
+_MOST_LEGACY_CLASS = 31
+"""Of point formats 0 to 5, which have 5 bits for a class and flags in the 3 above."""
 """Bytes copied at a time."""
 
 
@@ -164,6 +167,20 @@ def copy_extended(record: Record, source: Path, out: BinaryIO) -> None:
                 raise OSError(f"{source}: ends within a record")
             out.write(block)
             left -= len(block)
+
+
+def with_classes(records: np.ndarray, classes: np.ndarray, layout: LasLayout) -> np.ndarray:
+    """Records, a structured array, with other classes, (n,) uint8; flags beside them stay.  Raises InputError where the point
+    format has no such class."""
+    made = records.copy()
+    if "classification_flags" in (records.dtype.names or ()):  # point formats 6 to 10
+        made["classification"] = classes
+        return made
+    if (most := int(classes.max(initial=0))) > _MOST_LEGACY_CLASS:
+        raise InputError(f"point format {layout.point_format} has classes 0 to {_MOST_LEGACY_CLASS}, a region was given class "
+                         f"{most}", file=layout.path, remedy="give it another class, or export to PLY")
+    made["raw_classification"] = records["raw_classification"] & ~np.uint8(_MOST_LEGACY_CLASS) | classes
+    return made
 
 
 @dataclass

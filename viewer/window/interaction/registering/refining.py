@@ -55,9 +55,9 @@ def level_work(scene: "Scene", part: FilePart, kept: "Kept | None", position: Ve
     """Fits the plane at a place to the points of one file, and makes it horizontal.  kept: which points are drawn.  Raises
     InputError on the thread where there is none, or no floor."""
 
-    def of_part(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
+    def of_part(xyz: np.ndarray, scans: np.ndarray, index: np.ndarray) -> np.ndarray:
         mine = np.isin(scans, list(part.numbers))
-        return mine if kept is None else mine & kept(xyz, scans)
+        return mine if kept is None else mine & kept(xyz, scans, index)
 
     def work() -> Moved:
         fit = fit_at(scene, position, "plane", of_part)

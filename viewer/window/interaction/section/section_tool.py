@@ -155,7 +155,7 @@ class SectionTool(Tool):
             context.toast("Click the two ends of the section line first")
             return
         scene = replace(scene, meta=context.session.facts)
-        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
+        selection = Selection.in_sight(scene, document)
         work = sheet_work(out, selection, cut, self.sheet.request())
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
@@ -176,9 +176,10 @@ class SectionTool(Tool):
             self.preview.follow(context, None, None)
             return
         scene = replace(scene, meta=context.session.facts)
-        selection = Selection(scene, document.clips, hidden=scene.hidden_stations(context.document))
+        selection = Selection.in_sight(scene, document)
         work, request = preview_work(selection, cut, self.sheet), self.sheet.request()
-        of = cut, request, document.clips, selection.hidden, weakref.ref(context.scene), document.scans
+        hidden = selection.hidden, selection.hidden_classes, id(selection.marks)
+        of = cut, request, document.clips, hidden, weakref.ref(context.scene), document.scans
         self.preview.follow(context, of, work)
 
     def left(self, context: ToolContext) -> None:

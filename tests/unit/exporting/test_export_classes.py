@@ -1,0 +1,95 @@
+"""Regions and classes on export: exactly the chosen records, exactly their class changed, all other bytes as in the file."""
+
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import pytest
+from las_files import WAVEFORMS, random_las
+
+from pointglass.viewer.cli import main
+from pointglass.viewer.picture.point_sets import PointSet
+from pointglass.viewer.picture.regions import ClassChange, Region
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import read_project, write_project
+
+FORMATS = [number for number in range(11) if number not in WAVEFORMS]
+
+
+def raw(path) -> np.ndarray:
+    return np.array(laspy.read(path).points.array)
+
+
+def project_of(folder, path, random):
+    """A project with a hidden region, one that is shown, and two classes given; and the masks of these, by record."""
+    count = laspy.read(path).header.point_count
+    key = ((path.name, count),)
+    hidden, first, other = (random.random(count) < share for share in (0.3, 0.4, 0.2))
+    first &= ~other
+    regions = Region("gone", PointSet.of(hidden, key), shown=False), Region("roof", PointSet.of(other, key))
+    changes = ClassChange(6, PointSet.of(first, key)), ClassChange(17, PointSet.of(other, key))
+    document = Document((ScanFile(str(path)),), regions=regions, reclassified=changes)
+    write_project(folder / "work.pointglass", document)
+    return folder / "work.pointglass", hidden, first, other
+
+
+@pytest.mark.parametrize("name", ["scan.las", "scan.laz"])
+def test_export_changes_the_class_of_exactly_these_points_and_nothing_else(tmp_path, seed, name):
+    random = np.random.default_rng(seed)
+    path = tmp_path / name
+    point_format = random_las(path, seed, point_format=int(random.choice(FORMATS)))
+    before = raw(path)
+    project, hidden, first, other = project_of(tmp_path, path, random)
+    for more, kept in (((), ~hidden), (("--region", "roof"), other & ~hidden), (("--region", "gone"), hidden)):
+        if not kept.any():
+            continue
+        assert main(["export", str(project), "--out", str(tmp_path / "out.laz"), "--no-cache", *more]) == 0
+        wanted = before.copy()
+        if point_format < 6:
+            flags = wanted["raw_classification"] & 0xE0
+            wanted["raw_classification"][first], wanted["raw_classification"][other] = flags[first] | 6, flags[other] | 17
+        else:
+            wanted["classification"][first], wanted["classification"][other] = 6, 17
+        assert raw(tmp_path / "out.laz").tobytes() == wanted[kept].tobytes()
+    assert raw(path).tobytes() == before.tobytes()
+
+
+def test_export_of_classes_goes_by_the_present_class(tmp_path, seed):
+    random = np.random.default_rng(seed)
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=6, count=2000)
+    project, hidden, first, other = project_of(tmp_path, path, random)
+    classes = np.array(laspy.read(path).classification)
+    classes[first], classes[other] = 6, 17
+    document = replace(read_project(project), hidden_classes=(17,))
+    write_project(project, document)
+    assert main(["export", str(project), "--out", str(tmp_path / "out.las"), "--no-cache", "--class", "6,17"]) == 0
+    assert np.array_equal(np.array(laspy.read(tmp_path / "out.las").classification), classes[(classes == 6) & ~hidden])
+    assert main(["export", str(path), "--out", str(tmp_path / "own.las"), "--no-cache", "--class", "6"]) == 0
+    assert len(laspy.read(tmp_path / "own.las").points) == (np.array(laspy.read(path).classification) == 6).sum()
+
+
+@pytest.mark.parametrize("target", ["ply", "e57"])
+def test_other_formats_have_the_class_or_a_line_says_that_they_do_not(tmp_path, seed, target, capfd):
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=1, count=500)
+    project, hidden, first, other = project_of(tmp_path, path, np.random.default_rng(seed))
+    out = tmp_path / f"out.{target}"
+    assert main(["export", str(project), "--out", str(out), "--no-cache"]) == 0
+    assert main(["export", str(out), "--out", str(tmp_path / "back.las"), "--no-cache"]) == 0
+    classes = np.array(laspy.read(path).classification)
+    classes[first], classes[other] = 6, 17
+    assert np.array_equal(np.array(laspy.read(tmp_path / "back.las").classification), classes[~hidden])
+
+
+def test_bad_options_are_refused_in_a_line(tmp_path, seed, capfd):
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=1, count=100)
+    for more, words in ((("--class", "ground"), "expected codes"), (("--region", "roof"), "no such region")):
+        assert main(["export", str(path), "--out", str(tmp_path / "out.las"), "--no-cache", *more]) == 2
+        assert words in capfd.readouterr().err and not (tmp_path / "out.las").exists()
+    key = ((path.name, 100),)
+    high = ClassChange(64, PointSet.of(np.ones(100, bool), key))
+    write_project(tmp_path / "high.pointglass", Document((ScanFile(str(path)),), reclassified=(high,)))
+    assert main(["export", str(tmp_path / "high.pointglass"), "--out", str(tmp_path / "out.las"), "--no-cache"]) == 2
+    assert "0 to 31" in capfd.readouterr().err and not (tmp_path / "out.las").exists()
