@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all test-fast faults hostile lint golden assets pictures docs wheel tag clean setup
+.PHONY: help demo test test-all test-fast faults hostile lint golden assets pictures docs web wheel tag clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -42,6 +42,9 @@ pictures: setup  ## render the README's picture and animation again (a minute)
 
 golden: setup  ## render the golden pictures of the demo again (tests/gl/test_golden.py compares with them)
 	@PYTHONPATH=. $(PYTHON) tests/golden/demo_pictures.py
+
+web:  ## build the page of `pointglass publish` from its TypeScript (needs node)
+	@.ci/web.sh
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation

@@ -132,6 +132,14 @@ def _video(options: argparse.Namespace) -> int:
     return run(options, settings)
 
 
+def _publish(options: argparse.Namespace) -> int:
+    from .commands.publishing.command import run
+
+    settings = settings_of(options)
+    _check_weights(settings)
+    return run(options, settings)
+
+
 def _plain(options: argparse.Namespace) -> int:
     """Commands that are one module's ``run``."""
     if options.command == "export":
@@ -240,8 +248,8 @@ def _doctor(options: argparse.Namespace) -> int:
 
 _LONGEST = 1500  # characters of a message
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "video": _video, "info": _info, "convert": _convert, "bench": _bench,
-    "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "publish": _publish, "info": _info, "convert": _convert,
+    "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
     **dict.fromkeys(("export", "section", "report", "align", "compare"), _plain),
 }
 

@@ -80,6 +80,16 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
     add_arguments(parser)
 
 
+def _publish_options(parser: argparse.ArgumentParser) -> None:
+    from .commands.publishing.command import add_arguments
+
+    add_scans(parser)
+    add_exposures(parser)
+    add_arguments(parser)
+    add_settings(parser)
+    add_memory(parser)
+
+
 def _align_options(parser: argparse.ArgumentParser) -> None:
     from .commands.align import add_arguments
 
@@ -155,6 +165,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "export": ("write the measured points, or those inside boxes, as LAZ, LAS, PLY or E57", _export_options),
     "section": ("draw a plan, an elevation or a section to scale, as PNG or PDF", _section_options),
     "report": ("write viewpoints, notes and measurements of a project as PDF, its notes as BCF or CSV", _report_options),
+    "publish": ("write a folder that any browser shows: panoramas to walk through and to measure on", _publish_options),
     "align": ("move a scan to its place beside another, by pairs of points and by surfaces (ICP)", _align_options),
     "compare": ("measure what changed between two scans of one place: points, table and picture", _compare_options),
     "info": ("show what a scan contains", _info_options),

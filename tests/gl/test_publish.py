@@ -1,0 +1,185 @@
+"""``pointglass publish`` as a command: what the folder holds, against `render` and against a room whose distances are known."""
+
+import base64
+import getpass
+import io
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+from PIL import Image
+
+from pointglass.viewer.commands.publishing.cube_faces import face_cameras
+from pointglass.viewer.commands.publishing.depth_codes import DepthScale, unpacked_depth
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.picture.background import composite
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.notes.annotation import Annotation
+from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.viewpoint import Viewpoint
+
+SIZE = np.array([6.0, 4.0, 2.6])
+EYE = np.array([2.2, 1.7, 1.5])
+NOISE = 0.002
+OFFSET = np.array([500.0, 700.0, 20.0])
+HOSTILE = "</script><img src=x onerror=alert(1)>"
+
+
+def room(path, seed, points=500_000):
+    """A room of known size, 2 mm noise across its walls, colours that change slowly; nothing on a square of one wall."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((points, 3)) * SIZE
+    axis, side = rng.integers(0, 3, points), rng.integers(0, 2, points)
+    rows = np.arange(points)
+    xyz[rows, axis] = side * SIZE[axis]
+    hole = (xyz[:, 0] == SIZE[0]) & (np.abs(xyz[:, 1:] - (2.0, 1.3)) < 0.5).all(axis=1)
+    rgb = (90 + 80 * np.sin(1.5 * xyz)).astype(np.uint16) * 256
+    xyz[rows, axis] += rng.normal(0, NOISE, points)
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.offsets, header.scales = OFFSET, [1e-4] * 3
+    header.add_crs(__import__("pyproj").CRS.from_epsg(25832))
+    las = laspy.LasData(header)
+    las.xyz = (xyz + OFFSET)[~hole]
+    las.red, las.green, las.blue = rgb[~hole].T
+    las.write(path)
+    return path
+
+
+def project(folder, scan):
+    """A project with a viewpoint at EYE, one beside it, and notes."""
+    def view(name, eye, ahead):
+        from pointglass.viewer.picture.camera import from_fov, look_at
+
+        return Viewpoint.of(from_fov(64, 64, 60.0, look_at(eye + OFFSET, eye + OFFSET + ahead)), name)
+
+    views = view("By the window", EYE, (1, 0, 0)), view(HOSTILE, EYE + (1.6, 0.4, 0.1), (0, 1, -0.2))
+    at = tuple((OFFSET + (1.0, 4.0, 1.2)).tolist())
+    notes = (Annotation(f"{HOSTILE}\nsecond line", at, link="https://example.org/"),
+             Annotation("Tür", at, picture=str(folder / "my.png")))
+    write_project(folder / "flat.pointglass", Document(scans=(ScanFile(str(scan)),), viewpoints=views, annotations=notes))
+    return folder / "flat.pointglass"
+
+
+def publish(*arguments, **options):
+    line = [sys.executable, "-m", "pointglass.viewer", "publish", *map(str, arguments)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=300, **options)
+
+
+def value_of(file):
+    text = file.read_text("ascii")
+    return json.loads(f"[{text[text.index('(') + 1:text.rindex(')')]}]")[1]
+
+
+@pytest.fixture(scope="module")
+def published(tmp_path_factory):
+    """(folder, project, what the command printed)."""
+    folder = tmp_path_factory.mktemp("scans of anna")
+    scan = project(folder, room(folder / "room.laz", 5))
+    out = folder / "site"
+    done = publish(scan, "--out", out, "--view", "filled", "--places", "viewpoints", "--title", HOSTILE)
+    assert done.returncode == 0, done.stderr
+    return out, scan, done.stdout
+
+
+def test_every_face_is_the_picture_that_render_makes(published, renderer_of):
+    out, scan, _ = published
+    renderer = renderer_of(open_scene([scan.parent / "room.laz"]))
+    for part, side, view, block in (("full", 1024, "filled", 1), ("second", 512, "raw", 8)):  # WebP smears single points
+        cameras = face_cameras(EYE + OFFSET, side)
+        for picture, camera in zip(value_of(out / "places" / f"000.{part}.js")["pictures"], cameras, strict=True):
+            shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB"), int)
+            expected = composite(renderer.render(camera, Settings(view=view), (view,)).image(view), "plain").astype(int)
+            error = (shown - expected).reshape(side // block, block, side // block, block, 3).mean(axis=(1, 3))
+            assert np.abs(error).mean() < 2.0
+
+
+def test_depth_is_that_of_the_room_and_holes_are_not_measured(published):
+    out, _, _ = published
+    place = value_of(out / "scene.js")["places"][0]
+    codes, measured = unpacked_depth(base64.b64decode(value_of(out / "places" / "000.depth.js")["depth"]), 6, 512)
+    depth = DepthScale(place["near"], place["step"]).depths(codes)
+    hits = 0
+    for face, camera in enumerate(face_cameras(EYE, 512)):
+        column, row = np.meshgrid(np.arange(512) + 0.5, np.arange(512) + 0.5)
+        rays = np.stack([(column - 256) / 256, (row - 256) / 256, np.ones_like(row)], -1) @ camera.view_rotation
+        with np.errstate(divide="ignore"):
+            truth = np.where(rays > 0, (SIZE - EYE) / rays, np.where(rays < 0, -EYE / rays, np.inf)).min(-1)
+        error = np.abs(depth[face] - truth)[measured[face]]
+        assert np.quantile(error, 0.9) < 0.02 and measured[face].mean() > 0.03
+        at = EYE + rays * truth[..., None]
+        hole = (np.abs(at - (6.0, 2.0, 1.3)) < (0.01, 0.45, 0.45)).all(axis=-1)
+        assert not measured[face][hole].any()
+        hits += int(hole.sum())
+    assert hits > 500
+
+
+def test_text_stays_text_and_nothing_tells_of_the_machine(published):
+    out, scan, _ = published
+    telling = {str(Path.home()), str(scan.parent), str(Path.cwd()), "scans of anna", "room.laz", "my.png", "/tmp/"}
+    telling |= {getpass.getuser()} if len(getpass.getuser()) > 4 else set()
+    for file in (file for file in out.rglob("*") if file.is_file()):
+        text = file.read_bytes().decode("utf-8")
+        if file.name == "page.js":  # words of libraries: /tmp/ and names of people are not among them
+            text = text.split("\n", 1)[0]
+        assert not [word for word in telling if word in text], file
+    data, page = value_of(out / "scene.js"), (out / "index.html").read_text("utf-8")
+    assert HOSTILE not in page and "&lt;/script&gt;&lt;img" in page and "<img" not in (out / "scene.js").read_text("ascii")
+    assert data["title"] == data["viewpoints"][1]["name"] == data["places"][1]["name"] == HOSTILE
+    assert data["notes"][0]["text"].splitlines()[0] == HOSTILE and data["notes"][0]["link"] == "https://example.org/"
+    assert data["unit"] == "m" and data["places"][0]["plan"] == 0 and len(data["plans"]) == 1
+    assert abs(data["viewpoints"][0]["yaw"]) < 0.1 and data["viewpoints"][0]["place"] == 0
+    file = np.array(data["axes"]) @ data["places"][0]["position"] + data["origin"]
+    assert np.allclose(file, EYE + OFFSET, atol=1e-9)
+    assert abs(data["places"][0]["position"][2] - data["places"][0]["floor"] - EYE[2]) < 0.02
+    for number in range(2):
+        assert (out / "places" / f"{number:03d}.first.js").stat().st_size < 1_500_000
+
+
+def test_a_run_that_was_stopped_leaves_whole_places_and_is_gone_on_with(published, tmp_path):
+    _, scan, _ = published
+    out = tmp_path / "site"
+    arguments = [str(scan), "--out", str(out), "--view", "filled", "--places", "9"]
+    running = subprocess.Popen([sys.executable, "-m", "pointglass.viewer", "publish", *arguments], stderr=subprocess.DEVNULL)
+    end = time.monotonic() + 120
+    while not (out / "places" / "000.first.js").is_file():
+        assert running.poll() is None and time.monotonic() < end
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    assert running.wait(60) == 130
+    parts = sorted(file.name for file in (out / "places").iterdir())
+    whole = sorted(f"{number:03d}.{part}.js" for number in range(len(parts) // 4)
+                   for part in ("depth", "first", "full", "second"))
+    assert parts == whole
+    assert sorted(entry.name for entry in out.iterdir()) == ["places"]
+    times = {name: (out / "places" / name).stat().st_mtime_ns for name in parts}
+    done = publish(*arguments)
+    assert done.returncode == 0 and re.search(rf"{len(parts) // 4} kept", done.stdout), done.stdout + done.stderr
+    assert times == {name: (out / "places" / name).stat().st_mtime_ns for name in parts}
+    again = publish(*arguments[:-1], "1")  # fewer places: what is left over goes
+    assert again.returncode == 0 and len(list((out / "places").iterdir())) == 4
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (["--places", "none"], "--places"), (["--places", "0"], "--places"), (["--places", "stations"], "no scanner positions"),
+    (["--view", "raw"], "--view"),
+])  # fmt: skip
+def test_what_cannot_be_published_is_refused_in_a_line(published, tmp_path, arguments, told):
+    _, scan, _ = published
+    done = publish(scan, "--out", tmp_path / "new", *arguments)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and told in done.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_folder_with_other_files_is_left_alone(published, tmp_path):
+    _, scan, _ = published
+    (tmp_path / "thesis.txt").write_text("years of work")
+    done = publish(scan, "--out", tmp_path)
+    assert done.returncode == 2 and "thesis.txt" in done.stderr and [file.name for file in tmp_path.iterdir()] == ["thesis.txt"]

@@ -1,0 +1,120 @@
+"""Parts of a publication: depth as codes, places that see every surface, text that stays text, a page built from its
+sources."""
+
+import hashlib
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pointglass.viewer.commands.publishing.data_scripts import comment_of, script
+from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
+from pointglass.viewer.commands.publishing.plan_picture import storeys
+from pointglass.viewer.work.places.covering_places import covering_places
+from pointglass.viewer.work.places.standing_candidates import standing_candidates
+from pointglass.viewer.work.places.walk_map import map_of
+
+ROOT = Path(__file__).resolve().parents[3]
+WEB = ROOT / "viewer" / "commands" / "publishing" / "web"
+PAGE = WEB.parent / "page"
+
+
+@pytest.mark.parametrize("reach", [3.0, 200.0, 1e6])
+def test_coded_depth_comes_back_within_the_stated_error(seed, reach):
+    rng = np.random.default_rng(seed)
+    depth = 10 ** rng.uniform(-1, np.log10(reach), (6, 32, 32))
+    depth[rng.random(depth.shape) < 0.2] = 0
+    measured = (rng.random(depth.shape) < 0.6) & (depth > 0)
+    scale = DepthScale.of(depth)
+    assert scale.step >= STEP
+    codes, bits = unpacked_depth(packed_depth(scale.codes(depth), measured), 6, 32)
+    back = scale.depths(codes)
+    assert (bits == measured).all() and ((back == 0) == (depth == 0)).all()
+    there = depth > 0
+    assert np.abs(back[there] / depth[there] - 1).max() <= scale.error * (1 + 1e-9)
+    if reach < 10:
+        assert scale.error < 1e-4  # half a millimetre at 5 m
+
+
+def test_planes_cost_little():
+    """The prediction leaves next to nothing of a wall: less than a tenth of its codes' bytes."""
+    column, row = np.meshgrid(np.arange(64), np.arange(64))
+    depth = np.stack([1 / (0.2 + 0.001 * column * k + 0.0005 * row) for k in range(6)])
+    scale = DepthScale.of(depth)
+    assert len(packed_depth(scale.codes(depth), depth > 0)) < 0.1 * 2 * depth.size
+
+
+def rooms(seed):
+    """Walls, floors and ceilings of two rooms of 5 x 4 x 2.6 m with a door between them, and the way from points to rooms."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for first in (0.0, 5.2):
+        xyz = rng.random((60_000, 3)) * (5.0, 4.0, 2.6) + (first, 0, 0)
+        axis, side = rng.integers(0, 3, len(xyz)), rng.random(len(xyz)) < 0.5
+        low, high = np.array([first, 0, 0]), np.array([first + 5.0, 4.0, 2.6])
+        xyz[np.arange(len(xyz)), axis] = np.where(side, high[axis], low[axis])
+        door = (xyz[:, 1] > 1.5) & (xyz[:, 1] < 2.5) & (xyz[:, 2] < 2.1) & (xyz[:, 0] > 4.9) & (xyz[:, 0] < 5.3)
+        parts.append(xyz[~door])
+    sill = rng.random((2000, 3)) * (0.3, 1.0, 0.0) + (4.95, 1.5, 0.0)
+    return np.concatenate([*parts, sill])
+
+
+def test_places_are_planned_in_every_room_and_nowhere_else(seed):
+    points = rooms(seed)
+    spacing = 0.04
+    walk = map_of(points, points.min(axis=0) - 0.2, 0.12, 1.0, spacing)
+    eyes, areas = standing_candidates(walk)
+    indoors = (eyes[:, 2] > 1.4) & (eyes[:, 2] < 1.9)
+    home = areas == areas[indoors][0]
+    assert len(eyes) > 30 and not indoors.all()  # one can stand on the roof, too
+    assert home[indoors].mean() > 0.9  # the door joins the rooms
+    places = covering_places(points, eyes, home, 1.0, 12)
+    assert 2 <= len(places) <= 12
+    assert (np.abs(places[:, 2] - 1.6) < 0.2).all()
+    x, y = places[:, 0], places[:, 1]
+    assert (x < 4.7).any() and (x > 5.5).any()
+    assert (np.minimum(y, 4 - y) > 0.3).all() and (np.minimum(x, 10.2 - x) > 0.3).all()
+
+
+def test_storeys_are_told_by_their_floors():
+    assert storeys(np.array([0.1, 3.2, 0.0, 3.1, 6.0, 0.4]), 1.0).tolist() == [0, 1, 0, 1, 2, 0]
+
+
+HOSTILE = ["</script><script>alert(1)</script>", "<!--", "a\u2028b", 'x"\\', "*/ POINTGLASS(1)", "Zürich \U0001f600"]
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_no_text_leaves_its_script(text):
+    made = script("scene", {"title": text}, json.dumps({"made_of": "0"}))
+    assert b"<" not in made and made.isascii() and made.count(b"\n") == 1
+    assert made.index(b"*/") == made.index(b"*/POINTGLASS")
+    assert comment_of(made) == '{"made_of": "0"}'
+    body = made[made.index(b"(") + 1 : made.rindex(b")")]
+    assert json.loads(b"[" + body + b"]") == ["scene", {"title": text}]
+
+
+def sources():
+    return [WEB / "package-lock.json", WEB / "package.json", WEB / "tsconfig.json", *sorted((WEB / "src").glob("*.ts"))]
+
+
+def test_the_page_was_built_from_its_sources():
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in sources())).hexdigest()
+    first = (PAGE / "page.js").read_text("ascii").splitlines()[0]
+    assert digest in first, "web/ has changed: run `make web`"
+
+
+def test_building_the_page_again_changes_nothing():
+    if shutil.which("node") is None or not (ROOT / "out" / "web" / "node_modules" / ".lock").is_file():
+        pytest.skip("node, or what `make web` installs, is not here")
+    done = subprocess.run([ROOT / ".ci" / "web.sh", "--check"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_page_asks_for_nothing_and_runs_nothing_inline():
+    page = (PAGE / "index.html").read_text("utf-8")
+    assert "default-src 'none'" in page and "connect-src" not in page and "unsafe" not in page
+    assert "<style" not in page and "style=" not in page and "onclick" not in page and "onload" not in page
+    assert page.count("<script") == page.count("<script src=") == 1 and "http:" not in page.replace("http://www.w3.org", "")

@@ -1,0 +1,133 @@
+"""The places of a publication: scanner positions, viewpoints of the project, or places planned over the scan.
+
+Frame: file coordinates, float64.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...common.errors import InputError, Option
+from ...common.text import whole_number, with_whole_characters
+from ...work.places.covering_places import covering_places
+from ...work.places.free_places import free_places
+from ...work.places.standing_candidates import standing_candidates
+from ...work.places.standing_place import overview_position, sample_scene
+from ...work.places.start_view import standing_view
+from ...work.places.up_axis import turned, upright_axes
+from ...work.places.walk_map import build_walk_map
+from ...work.selection import Selection
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...work.document import Document
+
+CHOICES = ("auto", "stations", "viewpoints")
+PLANNED = 12
+"""Places that are planned where no number is given, at most."""
+MOST = 500
+"""Places of a publication: its plan and lists are read by people."""
+_FREE = 240
+"""Places that are looked at where no floor is known, at each height."""
+_SAME = 0.05
+"""Metres within which two places are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """name: for a person.  position: (3,) file coordinates.  heading: (3,) direction of the first view, file axes, not
+    straight up or down; None: where most is in view."""
+
+    name: str
+    position: np.ndarray
+    heading: np.ndarray | None = None
+
+
+def parse_places(text: str) -> str | int:
+    """A key of CHOICES, or a number of places.  Raises InputError."""
+    if text in CHOICES:
+        return text
+    number = whole_number(text)
+    if not number or number > MOST:
+        raise InputError(f"expected {', '.join(CHOICES)} or a number of places from 1 to {MOST}", option="--places", value=text)
+    return number
+
+
+def chosen_places(scene: "Scene", document: "Document", wanted: str | int) -> list[Place]:
+    """The places, at least one.  wanted: as of :func:`parse_places`; auto: the scanner positions where they are known, else the
+    project's viewpoints, else planned ones.  Raises InputError where there are none of the kind asked for, or more than
+    MOST."""
+    found: list[Place] = []
+    if wanted in ("stations", "auto"):
+        found = _stations(scene, document)
+        if not found and wanted == "stations":
+            raise InputError("no scanner positions are known of this scan", option="--places", value=wanted,
+                             remedy="give viewpoints or a number")
+    if wanted == "viewpoints" or (wanted == "auto" and not found):
+        found = _viewpoints(document, scene)
+        if not found and wanted == "viewpoints":
+            raise InputError("no viewpoints are kept in this project", option="--places", value=wanted,
+                             remedy="keep some in the window (K), or give stations or a number")
+    found = found or _planned(scene, document, wanted if isinstance(wanted, int) else PLANNED)
+    if len(found) > MOST:
+        raise InputError((f"{len(found):,} places, at most {MOST} are published; give a number to ", Option("--places")))
+    return found
+
+
+def _metre(scene: "Scene") -> float:
+    metres = scene.meta.metres_per_unit
+    return 1.0 / metres if metres else 1.0
+
+
+def _stations(scene: "Scene", document: "Document") -> list[Place]:
+    places, hidden = scene.scan_places, set(document.hidden_stations)
+    known = [number for number in range(len(places)) if np.isfinite(places[number]).all() and number not in hidden]
+    found: list[Place] = []
+    for number in known:
+        if _is_new(places[number], found, _metre(scene)):
+            name = with_whole_characters(scene.meta.scans[number].name or f"Station {number + 1}")
+            found.append(Place(name, places[number]))
+    return found
+
+
+def _viewpoints(document: "Document", scene: "Scene") -> list[Place]:
+    found: list[Place] = []
+    for view in document.viewpoints:
+        pose = np.array(view.camera_to_world)
+        if _is_new(pose[:3, 3], found, _metre(scene)):
+            found.append(Place(view.name, pose[:3, 3], _level(-pose[:3, 2], document.up)))
+    return found
+
+
+def _planned(scene: "Scene", document: "Document", most: int) -> list[Place]:
+    """Places that see every surface; where nobody can stand, one from which all is in view."""
+    upright, seen = upright_axes(document.up), sample_scene(scene)
+    level, view = turned(seen, upright), standing_view(scene, seen)
+    sight = Selection(scene, clips=document.clips, hidden=scene.hidden_stations(document.edits))
+    walk = build_walk_map(sight, upright, seen.metre)
+    if walk is not None:
+        eyes, areas = standing_candidates(walk)
+    else:  # too coarse to tell a step from a wall
+        spacing = seen.spacing * float(np.sqrt(max(scene.count / max(len(seen.points), 1), 1.0)))
+        eyes = free_places(level.points, spacing, seen.metre, _FREE)
+        areas = np.zeros(len(eyes), int)
+    home = areas == areas[np.linalg.norm(eyes - view[0] @ upright, axis=1).argmin()] if view and len(eyes) else areas == 0
+    inside = level.points[((level.points >= level.low) & (level.points <= level.high)).all(axis=1)]
+    places = covering_places(inside, eyes, home, seen.metre, most) @ upright.T
+    if len(places) == 0:
+        away = np.array([0.35, 0.8, -0.5]) @ upright.T
+        places = np.array([view[0] if view else overview_position(seen, 1.0, away)])
+    return [Place(f"Place {number}", place) for number, place in enumerate(places, 1)]
+
+
+def _is_new(position: np.ndarray, found: list[Place], metre: float) -> bool:
+    return all(np.linalg.norm(position - place.position) > _SAME * metre for place in found)
+
+
+def _level(direction: np.ndarray, up) -> np.ndarray:
+    """A unit vector across the up axis, along the direction where that is not up or down itself."""
+    axes = upright_axes(up)
+    flat = direction - (direction @ axes[:, 2]) * axes[:, 2]
+    length = float(np.linalg.norm(flat))
+    return flat / length if length > 1e-9 else axes[:, 0]

@@ -1,0 +1,195 @@
+"""Writes a publication: a folder whose index.html shows places of a scan in any browser, from a disk or from any web server.
+
+    index.html page.css page.js    the page, the same for every scan
+    scene.js                       names, places, notes, viewpoints, plans
+    places/000.first.js            of each place: small pictures and depth, enough to look around and to go on
+    places/000.full.js             pictures at full size
+    places/000.depth.js            depth at the size of the small pictures, to measure on
+    places/000.second.js           the small pictures in another view
+
+The files of one place appear together; index.html is written last.  A folder of a run that was stopped is gone on with.
+Neither paths nor names of the machine are written: only what a person called things.
+"""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....model.common.files.atomic_write import write_atomic
+from ... import __version__
+from ...common.errors import InputError, Option
+from ...common.files import out_folder, write_together
+from ...common.progress import progress
+from ...picture.json_values import to_json
+from ...picture.spec import PictureSpec
+from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
+from .data_scripts import base64_text, comment_of, script, webp_bytes
+from .depth_codes import packed_depth
+from .scene_data import scene_data
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...picture.settings import Settings
+    from ...render.described_picture import Composer
+    from ...render.renderer import Renderer
+    from ...work.document import Document
+    from .places import Place
+
+PAGE = Path(__file__).parent / "page"
+"""The page as it is copied; built from web/ by `make web`."""
+PAGE_FILES = ("page.css", "page.js", "index.html")
+_FORMAT = 1
+"""Of the data; a folder of another format is made anew."""
+_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY = 86, 90, 70
+"""WebP, chosen by eye.  Six filled faces of demo.laz have 172 kB at 512 pixels and 85, 812 kB at 1024 pixels and 92, six raw
+ones 625 kB at 512 pixels and 70."""
+FIRST_STRIDE = 2
+"""The first depth has every second row and column of the full one: a quarter of its bytes, 350 kB (studio.laz, demo.laz)."""
+PARTS = ("first", "full", "depth", "second")
+
+
+@dataclass(frozen=True)
+class Form:
+    """side: pixels of a face, a multiple of ``small``.  small: of the first pictures, of depth and of the second view.
+    second: a view without the network, or None."""
+
+    side: int = 1024
+    small: int = 512
+    second: str | None = "raw"
+
+
+@dataclass(frozen=True, eq=False)
+class Publication:
+    """All that a publication is made of.  title: for a person."""
+
+    scene: "Scene"
+    document: "Document"
+    settings: "Settings"
+    places: "list[Place]"
+    out: Path
+    title: str
+    form: Form = Form()
+
+    def write(self, renderer: "Renderer", composer: "Composer") -> tuple[int, int]:
+        """Makes the folder.  Returns how many places were rendered and the bytes of all files.  Raises InputError where the
+        folder holds other files or cannot be written, DeviceError where a picture cannot be made."""
+        check_folder(self.out)
+        rendered, records, sizes = 0, [], []
+        with out_folder(self.out / "places"), progress(len(self.places), "publishing", "place") as meter:
+            for number, place in enumerate(self.places):
+                made_of = self._digest(place)
+                record = self._finished(number, made_of)
+                if record is None:
+                    faces = render_place(renderer, composer, self._spec(place), place.position, side=self.form.side,
+                                         depth_side=self.form.small, second=self.form.second)
+                    record = {"made_of": made_of, "near": faces.scale.near, "step": faces.scale.step,
+                              "floor": floor_below(faces), "yaw": open_heading(faces)}
+                    self._write_place(number, faces, record)
+                    rendered += 1
+                records.append(record)
+                sizes.append({part: self._file(number, part).stat().st_size for part in self._parts})
+                meter.update(1)
+            data = scene_data(self.scene, self.document, self.places, records, title=self.title, view=self.settings.view)
+            data |= {"format": _FORMAT, "side": self.form.side, "small": self.form.small, "stride": FIRST_STRIDE,
+                     "second": self.form.second, "sizes": sizes}
+            self._write_page(script("scene", data))
+            self._remove_left_over()
+        return rendered, sum(file.stat().st_size for file in self.out.rglob("*") if file.is_file())
+
+    @property
+    def _parts(self) -> tuple[str, ...]:
+        return PARTS if self.form.second is not None else PARTS[:-1]
+
+    def _file(self, number: int, part: str) -> Path:
+        return self.out / "places" / f"{number:03d}.{part}.js"
+
+    def _spec(self, place: "Place") -> PictureSpec:
+        background = self.document.background if self.document.background in ("black", "plain") else "plain"
+        camera = face_cameras(place.position, 8, self.document.up)[0]
+        return PictureSpec(camera, self.settings, edits=self.document.edits, background=background)
+
+    def _digest(self, place: "Place") -> str:
+        """Stands for everything that the files of a place depend on."""
+        sources = [Path(source) for source in self.scene.meta.sources]
+        made_of = {
+            "format": _FORMAT, "version": __version__, "points": self.scene.count, "bounds": self.scene.bounds.tolist(),
+            "changed": [file.stat().st_mtime_ns if file.exists() else 0 for file in sources], "settings": asdict(self.settings),
+            "edits": to_json(self.document.edits), "position": place.position.tolist(), "form": asdict(self.form),
+            "background": self._spec(place).background,
+            "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE],
+        }  # fmt: skip
+        return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+
+    def _finished(self, number: int, made_of: str) -> dict[str, Any] | None:
+        """The record of a place whose files are there and were made of the same."""
+        files = [self._file(number, part) for part in self._parts]
+        if not all(file.is_file() for file in files):
+            return None
+        try:
+            with files[0].open("rb") as file:
+                record = json.loads(comment_of(file.read(1000)))
+            numbers = [float(record[key]) for key in ("near", "step", "floor", "yaw")]
+            good = record["made_of"] == made_of and np.isfinite(numbers).all()
+        except (ValueError, KeyError, TypeError):
+            return None
+        return record if good else None
+
+    def _write_place(self, number: int, faces: PlaceFaces, record: dict[str, Any]) -> None:
+        def pictures(made: np.ndarray, quality: int) -> list[str]:
+            return [base64_text(webp_bytes(picture, quality)) for picture in made]
+
+        def depth(stride: int) -> str:
+            return base64_text(packed_depth(faces.codes[:, ::stride, ::stride], faces.measured[:, ::stride, ::stride]))
+
+        values: dict[str, Any] = {
+            "first": {"pictures": pictures(faces.first, _FIRST_QUALITY), "depth": depth(FIRST_STRIDE)},
+            "full": {"pictures": pictures(faces.pictures, _FULL_QUALITY)},
+            "depth": {"depth": depth(1)},
+        }
+        if faces.second is not None:
+            values["second"] = {"pictures": pictures(faces.second, _SECOND_QUALITY)}
+        files = {part: script(f"{number}.{part}", value, json.dumps(record)) for part, value in values.items()}
+        write_together(self.out / "places", {
+            self._file(number, part).name: lambda path, data=data: path.write_bytes(data) for part, data in files.items()
+        })
+
+    def _write_page(self, scene_script: bytes) -> None:
+        from html import escape
+
+        files = {"scene.js": scene_script, **{name: (PAGE / name).read_bytes() for name in PAGE_FILES}}
+        files["index.html"] = files["index.html"].replace(b"{{title}}", escape(self.title).encode("utf-8", "replace"))
+        for name, data in files.items():  # index.html last: a folder without it is not finished
+            write_atomic(self.out / name, lambda path, data=data: path.write_bytes(data))
+
+    def _remove_left_over(self) -> None:
+        """Files of places that an earlier publication in this folder had."""
+        kept = {self._file(number, part) for number in range(len(self.places)) for part in self._parts}
+        for part in PARTS:
+            for file in self.out.glob(f"places/[0-9][0-9][0-9].{part}.js"):
+                if file not in kept:
+                    file.unlink()
+
+
+def check_folder(out: Path) -> None:
+    """Raises InputError where something other than a publication is in the folder."""
+    if not out.exists():
+        return
+    if not out.is_dir():
+        raise InputError("a file has this name", file=out, remedy=("choose another ", Option("--out")))
+    ours = {"places", "scene.js", *PAGE_FILES}
+    other = next((entry.name for entry in out.iterdir() if entry.name not in ours and not entry.name.startswith(".")), None)
+    if other is not None:
+        raise InputError(f"holds other files ({other})", file=out, remedy="give a new or empty folder, or one of publish")
+
+
+def floor_below(faces: PlaceFaces) -> float:
+    """Distance from the eye straight down to the surface there; 0 where nothing is below."""
+    side = faces.codes.shape[1]
+    middle = slice(side // 2 - side // 16, side // 2 + side // 16)
+    depth = faces.scale.depths(faces.codes[-1, middle, middle])
+    return float(np.median(depth[depth > 0])) if (depth > 0).any() else 0.0
+

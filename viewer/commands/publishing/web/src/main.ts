@@ -1,0 +1,258 @@
+// Starts the page: loads the scene, goes to the first place, and joins view, tools and lists.
+
+import { followPhone, listen } from "./controls";
+import { keepAddress, parse, type Target, text as addressOf } from "./link";
+import { loadScene } from "./loader";
+import { Measuring } from "./measure";
+import { Overlay } from "./overlay";
+import { Panel } from "./panel";
+import { Panorama } from "./panorama";
+import { Plan } from "./plan";
+import { direction, dot, length, minus, type NoteData, plus, type SceneData, times, type Vector } from "./scene";
+import { far } from "./text";
+import { View } from "./view";
+
+const RADIANS = Math.PI / 180;
+const PRELOADED = 3; // places whose first pictures are loaded ahead
+const SAID = 6000; // milliseconds that a message stays
+
+const by = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+let timer = 0;
+function say(text: string): void {
+  const box = by("message");
+  box.textContent = text;
+  box.classList.add("shown");
+  window.clearTimeout(timer);
+  timer = window.setTimeout(() => box.classList.remove("shown"), SAID);
+}
+
+function fail(text: string): void {
+  by("start").classList.add("failed");
+  by("start-text").textContent = text;
+}
+
+// A button that is on or off.
+function toggle(id: string, on: boolean): void {
+  by(id).setAttribute("aria-pressed", String(on));
+}
+
+async function start(): Promise<void> {
+  const scene = await loadScene();
+  document.title = scene.title;
+  by("title").textContent = scene.title;
+  let panorama: Panorama;
+  try {
+    panorama = new Panorama(by<HTMLCanvasElement>("picture"), scene.metre);
+  } catch {
+    fail("This browser has no WebGL 2, which draws the panoramas. A current version of Firefox, Chrome, Edge or Safari has it.");
+    return;
+  }
+  const view = new View(scene, panorama);
+  const panel: { current?: Panel } = {};
+  const measuring = new Measuring(view, say, () => {
+    toggle("measure", measuring.on);
+    document.body.classList.toggle("measuring", measuring.on);
+    panel.current?.measured();
+    view.redraw();
+  });
+  const overlay = new Overlay(view, by("overlay"), () => measuring.made, (index) => showNote(scene.notes[index]));
+  void overlay;
+  panel.current = new Panel(view, measuring, by("lists"));
+  panel.current.openNote = (index) => openNote(view, index);
+  new Plan(view, by("plan"));
+  tools(view, measuring);
+  listen(view, by("picture"), {
+    click: (x, y) => (measuring.on ? void measuring.click(x, y) : walk(view, x, y)),
+    hover: (x, y) => hover(view, measuring, x, y),
+    ahead: (sign) => ahead(view, sign),
+    key: (key) => pressed(view, measuring, key),
+  });
+  view.arrived.push(() => {
+    by("place").textContent = scene.places[view.index].name;
+    by("picture").setAttribute("aria-label", `Panorama: ${scene.places[view.index].name}`);
+    later(view, measuring);
+  });
+  const turn = (target: Target) =>
+    view.go(target.place, { yaw: target.yaw * RADIANS, pitch: target.pitch * RADIANS, fov: target.fov });
+  const named = parse(location.hash, scene.places.length, { place: 0, yaw: NaN, pitch: -9, fov: 75 });
+  await turn({ ...named, yaw: Number.isNaN(named.yaw) ? scene.places[named.place].yaw : named.yaw });
+  by("start").remove();
+  document.body.classList.add("ready");
+  performance.mark("first picture");
+  keepAddress(view, (target) => void turn(target));
+  Object.assign(window, { pointglass: { view, measuring, panorama } }); // for tests, and the curious
+}
+
+// What is loaded once a place is seen: its whole pictures, the depth to measure on, the places around.
+function later(view: View, measuring: Measuring): void {
+  const place = view.place;
+  const nearest = view.scene.places
+    .map(({ position }, index) => ({ index, away: length(minus(position, view.eye)) }))
+    .filter(({ index }) => index !== place.index)
+    .sort((a, b) => a.away - b.away);
+  window.setTimeout(async () => {
+    if (view.place !== place) return;
+    if (measuring.on) await view.visits.finest(place);
+    if (view.second >= 0) await view.visits.other(place);
+    await view.visits.full(place);
+    for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.get(index);
+  }, 60);
+}
+
+function tools(view: View, measuring: Measuring): void {
+  const press = (id: string, act: () => void) => by(id).addEventListener("click", act);
+  const panelIsOpen = () => document.body.classList.contains("listed");
+  press("measure", () => void measuring.turn(!measuring.on));
+  press("list", () => {
+    document.body.classList.toggle("listed");
+    toggle("list", panelIsOpen());
+  });
+  press("map", () => {
+    const on = document.body.classList.toggle("planned");
+    toggle("map", on);
+  });
+  press("tint", () => {
+    view.tint = view.tint ? 0 : 1;
+    toggle("tint", view.tint > 0);
+    if (view.tint) say("Pink: filled in, nothing was measured there.");
+    view.redraw();
+  });
+  press("share", async () => {
+    const address = location.href.replace(/#.*$/, "") + addressOf(view);
+    try {
+      await navigator.clipboard.writeText(address);
+      say("The link to this view is copied.");
+    } catch {
+      say(address);
+    }
+  });
+  press("full", () => void (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()));
+  by("full").hidden = !document.fullscreenEnabled;
+  press("help", () => by<HTMLDialogElement>("keys").showModal());
+  handle(view);
+  let stop: (() => void) | null = null;
+  by("phone").hidden = !("DeviceOrientationEvent" in window && navigator.maxTouchPoints > 0);
+  press("phone", async () => {
+    if (stop) stop(), (stop = null);
+    else if (!(stop = await followPhone(view))) say("This device has no sensor for its position, or it may not be used.");
+    toggle("phone", stop !== null);
+  });
+  if (window.matchMedia("(min-width: 760px)").matches) document.body.classList.add("planned");
+  toggle("map", document.body.classList.contains("planned"));
+}
+
+// The handle between the second view and the first.
+function handle(view: View): void {
+  const bar = by("handle"), { second } = view.scene;
+  by("compare").hidden = second === null;
+  const set = (share: number) => {
+    view.second = Math.min(Math.max(share, 0), 1);
+    bar.style.left = `${100 * view.second}%`;
+    bar.setAttribute("aria-valuenow", String(Math.round(100 * view.second)));
+    view.redraw();
+  };
+  by("compare").addEventListener("click", async () => {
+    const on = view.second < 0;
+    toggle("compare", on);
+    bar.hidden = !on;
+    if (!on) {
+      view.second = -1;
+      view.redraw();
+      return;
+    }
+    by("left").textContent = second!;
+    by("right").textContent = view.scene.view;
+    await view.visits.other(view.place);
+    set(0.5);
+  });
+  bar.addEventListener("pointerdown", (event) => bar.setPointerCapture(event.pointerId));
+  bar.addEventListener("pointermove", (event) => {
+    if (bar.hasPointerCapture(event.pointerId)) set(event.clientX / view.size[0]);
+  });
+  bar.addEventListener("keydown", (event) => {
+    const by = { ArrowLeft: -0.02, ArrowRight: 0.02, Home: -1, End: 1 }[event.key];
+    if (by === undefined) return;
+    set(view.second + by);
+    event.preventDefault();
+  });
+}
+
+// To the place nearest to what was clicked.
+function walk(view: View, x: number, y: number): void {
+  const index = nearestTo(view, x, y);
+  if (index >= 0) void view.go(index);
+}
+
+function nearestTo(view: View, x: number, y: number): number {
+  const ray = view.ray(x, y), reach = view.place.depth.distance(ray);
+  if (!Number.isFinite(reach)) return -1;
+  const target = plus(view.eye, times(ray, reach));
+  const gap = (p: Vector, floor: number) => Math.hypot(p[0] - target[0], p[1] - target[1], 2 * (floor - Math.min(target[2], p[2])));
+  let best = -1, least = 0.85 * gap(view.eye, view.scene.places[view.index].floor);
+  view.scene.places.forEach(({ position, floor }, index) => {
+    if (index !== view.index && gap(position, floor) < least) (best = index), (least = gap(position, floor));
+  });
+  return best;
+}
+
+// To the next place in the direction one looks (or behind).
+function ahead(view: View, sign: 1 | -1): void {
+  const forward = times(direction(view.yaw, 0), sign);
+  let best = -1, least = Infinity;
+  view.scene.places.forEach(({ position }, index) => {
+    const away = minus(position, view.eye), far = length(away);
+    if (index === view.index || dot(away, forward) < 0.6 * far) return;
+    const cost = far * (2 - dot(away, forward) / far) * (view.sees(position) ? 1 : 3);
+    if (cost < least) (best = index), (least = cost);
+  });
+  if (best >= 0) void view.go(best);
+  else say("There is no place in this direction.");
+}
+
+function hover(view: View, measuring: Measuring, x: number, y: number): void {
+  const canvas = view.panorama.canvas;
+  if (!view.place || view.going) return;
+  if (measuring.on) canvas.style.cursor = measuring.at(x, y) ? "crosshair" : "not-allowed";
+  else canvas.style.cursor = nearestTo(view, x, y) >= 0 ? "pointer" : "grab";
+}
+
+function pressed(view: View, measuring: Measuring, key: string): boolean {
+  const clicks: Record<string, string> = { m: "measure", p: "map", l: "list", v: "compare", f: "full", t: "tint", "?": "help" };
+  const [width, height] = view.size;
+  if (key === "Enter" && measuring.on) void measuring.click(width / 2, height / 2);
+  else if (key === "Escape" && document.body.classList.contains("noted")) document.body.classList.remove("noted");
+  else if (key === "Escape" && measuring.on) void measuring.turn(false);
+  else if (clicks[key] && !by(clicks[key]).hidden) by(clicks[key]).click();
+  else return false;
+  return true;
+}
+
+function showNote(note: NoteData): void {
+  by("note-title").textContent = note.title;
+  by("note-status").textContent = note.status;
+  by("note-dot").style.background = note.colour;
+  by("note-text").textContent = note.text;
+  const link = by<HTMLAnchorElement>("note-link");
+  link.hidden = !/^https?:\/\//i.test(note.link);
+  link.textContent = note.link;
+  if (link.hidden) link.removeAttribute("href");
+  else link.href = note.link;
+  document.body.classList.add("noted");
+}
+
+// Goes to the nearest place that sees a note, looks at it and shows its text.
+async function openNote(view: View, index: number): Promise<void> {
+  const note = view.scene.notes[index];
+  const places = view.scene.places.map(({ position }, number) => ({ number, away: length(minus(note.position, position)) }));
+  places.sort((a, b) => a.away - b.away);
+  if (!view.sees(note.position)) await view.go(places[0].number);
+  const [x, y, z] = minus(note.position, view.eye);
+  view.turn(Math.atan2(y, x), Math.atan2(z, Math.hypot(x, y)));
+  showNote(note);
+  say(`${note.title}, ${far(view.scene, Math.hypot(x, y, z))} away`);
+}
+
+by("note-close").addEventListener("click", () => document.body.classList.remove("noted"));
+start().catch((error: Error) => fail(`The data of this page cannot be read: ${error.message}. The folder must be complete.`));
+export type { SceneData };

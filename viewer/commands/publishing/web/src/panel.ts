@@ -1,0 +1,90 @@
+// The list beside the picture: places, viewpoints, notes, measurements.
+
+import type { Measuring } from "./measure";
+import type { View } from "./view";
+
+export class Panel {
+  private readonly sections = new Map<string, HTMLElement>();
+
+  constructor(private readonly view: View, private readonly measuring: Measuring, private readonly root: HTMLElement) {
+    const { scene } = view;
+    this.list("Places", scene.places.map((place, index) => ({ text: place.name, act: () => void view.go(index), place: index })));
+    this.list("Viewpoints", scene.viewpoints.map((point) => ({
+      text: point.name,
+      act: () => {
+        const radians = Math.PI / 180;
+        void view.go(point.place, { yaw: point.yaw * radians, pitch: point.pitch * radians, fov: point.fov });
+      },
+    })));
+    this.list("Notes", scene.notes.map((note, index) => ({ text: note.title, act: () => this.openNote(index), colour: note.colour })));
+    view.arrived.push(() => this.mark());
+  }
+
+  openNote: (index: number) => void = () => undefined;
+
+  private list(title: string, rows: { text: string; act: () => void; place?: number; colour?: string }[]): void {
+    if (rows.length === 0) return;
+    const list = this.section(title);
+    for (const row of rows) {
+      const item = document.createElement("li");
+      const button = document.createElement("button");
+      button.type = "button";
+      if (row.colour) {
+        const dot = document.createElement("i");
+        dot.style.background = row.colour;
+        button.append(dot);
+      }
+      button.append(row.text);
+      if (row.place !== undefined) button.dataset.place = String(row.place);
+      button.addEventListener("click", row.act);
+      item.append(button);
+      list.append(item);
+    }
+  }
+
+  private section(title: string): HTMLElement {
+    const known = this.sections.get(title);
+    if (known) return known;
+    const section = document.createElement("section");
+    const heading = document.createElement("h2");
+    heading.textContent = title;
+    const list = document.createElement("ul");
+    section.append(heading, list);
+    this.root.append(section);
+    this.sections.set(title, list);
+    return list;
+  }
+
+  private mark(): void {
+    for (const button of this.root.querySelectorAll<HTMLElement>("[data-place]")) {
+      if (Number(button.dataset.place) === this.view.index) button.setAttribute("aria-current", "location");
+      else button.removeAttribute("aria-current");
+    }
+  }
+
+  // Writes the measurements again.
+  measured(): void {
+    const done = this.measuring.made.filter(({ points }) => points.length === 2);
+    if (done.length === 0 && !this.sections.has("Measurements")) return;
+    const list = this.section("Measurements");
+    list.parentElement!.hidden = done.length === 0;
+    list.replaceChildren();
+    for (const made of done) {
+      const item = document.createElement("li");
+      item.className = "measured";
+      const words = document.createElement("span");
+      const value = document.createElement("b"), parts = document.createElement("small");
+      value.textContent = made.text;
+      parts.textContent = made.parts;
+      words.append(value, parts);
+      const remove = document.createElement("button");
+      remove.type = "button";
+      remove.className = "remove";
+      remove.textContent = "×";
+      remove.setAttribute("aria-label", `Remove the measurement ${made.text}`);
+      remove.addEventListener("click", () => this.measuring.remove(this.measuring.made.indexOf(made)));
+      item.append(words, remove);
+      list.append(item);
+    }
+  }
+}

@@ -1,0 +1,258 @@
+// Draws places: the cube of one while one looks around, the depth meshes of two while one goes from the first to the second.
+
+import {
+  BufferAttribute, BufferGeometry, ClampToEdgeWrapping, DataTexture, GLSL3, Group, LinearFilter, Mesh, NearestFilter, NoColorSpace,
+  PerspectiveCamera, RedFormat, Scene, ShaderMaterial, Texture, UnsignedByteType, WebGLRenderer,
+} from "three";
+import type { DepthMap } from "./depth";
+import { FACE_COUNT, FACES, type Vector } from "./scene";
+
+const GRID = 96; // cells of a face's mesh, a side
+const TORN = 0.3; // relative difference of inverse depth within a cell from which on it spans two surfaces
+const FAR = 60; // of what has no depth, in multiples of the median depth
+
+const vertex = /* glsl */ `
+out vec3 at;
+void main() {
+  at = position;
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+}`;
+
+const fragment = /* glsl */ `
+precision highp float;
+in vec3 at;
+out vec4 colour;
+uniform sampler2D first, second, measured;
+uniform vec3 forward, right, up;
+uniform float split, opacity, tint;
+void main() {
+  vec3 ray = at / dot(at, forward);
+  vec2 uv = 0.5 + 0.5 * vec2(dot(ray, right), -dot(ray, up));
+  vec3 shown = gl_FragCoord.x < split ? texture(second, uv).rgb : texture(first, uv).rgb;
+  if (tint > 0.0 && texture(measured, uv).r < 0.5) shown = mix(shown, vec3(0.93, 0.35, 0.72), 0.5 * tint);
+  colour = vec4(shown, opacity);
+}`;
+
+export class PlaceTextures {
+  first: Texture[] = [];
+  second: Texture[] | null = null;
+  measured: DataTexture[] = [];
+  isFull = false;
+
+  release(): void {
+    for (const texture of [...this.first, ...(this.second ?? []), ...this.measured]) texture.dispose();
+  }
+}
+
+export function textureOf(image: ImageBitmap | HTMLImageElement): Texture {
+  const texture = new Texture(image);
+  texture.colorSpace = NoColorSpace;
+  texture.flipY = false;
+  texture.generateMipmaps = false;
+  texture.minFilter = texture.magFilter = LinearFilter;
+  texture.wrapS = texture.wrapT = ClampToEdgeWrapping;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+export function maskTextures(depth: DepthMap): DataTexture[] {
+  return FACES.map((_, face) => {
+    const bits = depth.measured.subarray(face * depth.count, (face + 1) * depth.count).map((bit) => 255 * bit);
+    const texture = new DataTexture(bits, depth.side, depth.side, RedFormat, UnsignedByteType);
+    texture.minFilter = texture.magFilter = NearestFilter;
+    texture.unpackAlignment = 1;
+    texture.needsUpdate = true;
+    return texture;
+  });
+}
+
+function materialOf(face: number): ShaderMaterial {
+  const { forward, right, up } = FACES[face];
+  return new ShaderMaterial({
+    glslVersion: GLSL3, vertexShader: vertex, fragmentShader: fragment, side: 2,
+    uniforms: {
+      first: { value: null }, second: { value: null }, measured: { value: null }, forward: { value: forward }, right: { value: right },
+      up: { value: up }, split: { value: -1 }, opacity: { value: 1 }, tint: { value: 0 },
+    },
+  });
+}
+
+function cubeFace(face: number, reach: number): BufferGeometry {
+  const { forward, right, up } = FACES[face];
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].flatMap(([a, b]) => forward.map((f, k) => reach * (f + a * right[k] + b * up[k])));
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
+  geometry.setIndex([0, 1, 2, 0, 2, 3]);
+  return geometry;
+}
+
+// A face displaced by its depth; cells that span two surfaces are in the second group.
+function depthFace(depth: DepthMap, face: number, background: number): BufferGeometry {
+  const n = GRID + 1, side = depth.side;
+  const positions = new Float32Array(n * n * 3), inverse = new Float32Array(n * n);
+  const { forward, right, up } = FACES[face];
+  for (let row = 0, i = 0; row < n; row++)
+    for (let column = 0; column < n; column++, i++) {
+      const a = (2 * column) / GRID - 1, b = 1 - (2 * row) / GRID;
+      const c = Math.min(Math.floor((column / GRID) * side), side - 1), r = Math.min(Math.floor((row / GRID) * side), side - 1);
+      const z = depth.depthOf(face * depth.count + r * side + c) || background;
+      inverse[i] = 1 / z;
+      for (let k = 0; k < 3; k++) positions[3 * i + k] = z * (forward[k] + a * right[k] + b * up[k]);
+    }
+  const solid: number[] = [], torn: number[] = [];
+  for (let row = 0; row < GRID; row++)
+    for (let column = 0; column < GRID; column++) {
+      const i = row * n + column, cell = [i, i + 1, i + n, i + n + 1];
+      const values = cell.map((j) => inverse[j]);
+      const low = Math.min(...values), high = Math.max(...values);
+      (high - low > TORN * high ? torn : solid).push(i, i + n, i + 1, i + 1, i + n, i + n + 1);
+    }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(positions, 3));
+  geometry.setIndex([...solid, ...torn]);
+  geometry.addGroup(0, solid.length, 0);
+  if (torn.length) geometry.addGroup(solid.length, torn.length, 1);
+  return geometry;
+}
+
+// The six faces of one place, as a cube or as a mesh by depth.
+class Layer {
+  readonly group = new Group();
+  private readonly materials = FACES.map((_, face) => materialOf(face));
+  private readonly hidden = new ShaderMaterial({ visible: false });
+  private readonly cubes: Mesh[];
+  private meshes: Mesh[] = [];
+
+  constructor(order: number, reach: number, private readonly keepsTorn: boolean) {
+    this.cubes = this.materials.map((material, face) => new Mesh(cubeFace(face, reach), material));
+    for (const mesh of this.cubes) {
+      mesh.frustumCulled = true;
+      mesh.renderOrder = order;
+      this.group.add(mesh);
+    }
+    this.group.visible = false;
+  }
+
+  show(textures: PlaceTextures): void {
+    this.materials.forEach((material, face) => {
+      material.uniforms.first.value = textures.first[face];
+      material.uniforms.second.value = (textures.second ?? textures.first)[face];
+      material.uniforms.measured.value = textures.measured[face];
+    });
+  }
+
+  set(split: number, tint: number, opacity: number): void {
+    for (const { uniforms } of this.materials) {
+      uniforms.split.value = split;
+      uniforms.tint.value = tint;
+      uniforms.opacity.value = opacity;
+    }
+    this.materials.forEach((material) => (material.transparent = opacity < 1));
+  }
+
+  // Whether colours are written, or depth alone.
+  colours(written: boolean): void {
+    for (const material of this.materials) material.colorWrite = written;
+  }
+
+  displace(depth: DepthMap | null, order: number): void {
+    for (const mesh of this.meshes) {
+      mesh.geometry.dispose();
+      this.group.remove(mesh);
+    }
+    this.meshes = [];
+    for (const cube of this.cubes) cube.visible = depth === null;
+    if (depth === null) return;
+    const some: number[] = [];
+    for (let i = 0; i < depth.codes.length; i += 97) if (depth.codes[i]) some.push(depth.depthOf(i));
+    some.sort((a, b) => a - b);
+    const background = FAR * (some[some.length >> 1] ?? 1);
+    for (let face = 0; face < FACE_COUNT; face++) {
+      const mesh = new Mesh(depthFace(depth, face, background), [this.materials[face], this.keepsTorn ? this.materials[face] : this.hidden]);
+      mesh.renderOrder = order;
+      mesh.frustumCulled = false;
+      this.meshes.push(mesh);
+      this.group.add(mesh);
+    }
+  }
+}
+
+export class Panorama {
+  readonly camera = new PerspectiveCamera(75, 1, 0.05, 10000);
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly overScene = new Scene();
+  private readonly here: Layer;
+  private readonly over: Layer;
+  frames = 0;
+
+  // metre: units in a metre.  Throws where the browser has no WebGL 2.
+  constructor(readonly canvas: HTMLCanvasElement, metre: number) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
+    this.renderer.autoClear = false;
+    this.here = new Layer(0, metre, true);
+    this.over = new Layer(0, metre, false);
+    this.scene.add(this.here.group);
+    this.overScene.add(this.over.group);
+    this.camera.up.set(0, 0, 1);
+    this.camera.near = 0.02 * metre;
+    this.camera.far = 20000 * metre;
+  }
+
+  resize(width: number, height: number, ratio: number): void {
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+  }
+
+  aim(position: Vector, forward: Vector, fov: number): void {
+    this.camera.fov = fov;
+    this.camera.position.set(...position);
+    this.camera.lookAt(position[0] + forward[0], position[1] + forward[1], position[2] + forward[2]);
+    this.camera.updateProjectionMatrix();
+    this.camera.updateMatrixWorld();
+  }
+
+  stand(textures: PlaceTextures, position: Vector): void {
+    this.here.show(textures);
+    this.here.group.position.set(...position);
+    this.here.displace(null, 0);
+    this.here.group.visible = true;
+    this.over.group.visible = false;
+    this.over.displace(null, 0);
+  }
+
+  // From now on the place gone to is drawn, by depth, under the one that is left.
+  begin(from: PlaceTextures, fromDepth: DepthMap, fromAt: Vector, to: PlaceTextures, toDepth: DepthMap, toAt: Vector): void {
+    this.here.show(to);
+    this.here.group.position.set(...toAt);
+    this.here.displace(toDepth, 0);
+    this.over.show(from);
+    this.over.group.position.set(...fromAt);
+    this.over.displace(fromDepth, 0);
+    this.over.group.visible = true;
+  }
+
+  // opacity: of the place that is left, while one goes.  split: device pixels from the left up to which the second view is shown.
+  draw(split: number, tint: number, opacity: number): void {
+    this.here.set(split, tint, 1);
+    this.over.set(split, tint, opacity);
+    this.renderer.clear();
+    this.renderer.render(this.scene, this.camera);
+    if (this.over.group.visible && opacity > 0) {
+      this.renderer.clearDepth();
+      for (const written of [false, true]) {
+        // depth first: what lies behind must not shine through
+        this.over.colours(written);
+        this.renderer.render(this.overScene, this.camera);
+      }
+    }
+    this.frames++;
+  }
+
+  get software(): string {
+    const gl = this.renderer.getContext();
+    const info = gl.getExtension("WEBGL_debug_renderer_info");
+    return info ? String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  }
+}

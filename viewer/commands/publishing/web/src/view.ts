@@ -1,0 +1,181 @@
+// Where one stands and looks, and how that is drawn: on demand, and step by step while something moves.
+
+import { Panorama } from "./panorama";
+import { direction, plus, times, type SceneData, type Vector } from "./scene";
+import { type LoadedPlace, Visits } from "./visit";
+
+export const HOP = 420; // milliseconds
+const STEEPEST = (88 * Math.PI) / 180;
+export const NARROWEST = 25, WIDEST = 100; // degrees, of the shorter side of the window
+
+export class View {
+  yaw = 0; // radians, counter-clockwise from x
+  pitch = 0;
+  fov = 75; // degrees, from edge to edge of the shorter side
+  place!: LoadedPlace;
+  second = -1; // share of the width up to which the second view is shown; -1: none
+  tint = 0;
+  speed: [number, number] = [0, 0]; // radians a second, of yaw and pitch
+  eye: Vector = [0, 0, 0];
+  ready = false;
+  going = false;
+  hopTime = 0; // milliseconds from the request to the last step of the last hop
+  private asked = false;
+  private last = 0;
+  private hop: { start: number; from: Vector; to: Vector } | null = null;
+  readonly visits: Visits;
+  readonly drawn: (() => void)[] = [];
+  readonly arrived: (() => void)[] = [];
+  readonly calm = window.matchMedia("(prefers-reduced-motion: reduce)");
+
+  constructor(readonly scene: SceneData, readonly panorama: Panorama) {
+    this.visits = new Visits(scene, (place) => {
+      if (place === this.place && !this.hop) this.panorama.stand(place.textures, this.position(place.index));
+      this.redraw();
+    });
+    new ResizeObserver(() => this.resize()).observe(panorama.canvas.parentElement!);
+    this.resize();
+  }
+
+  position(index: number): Vector {
+    return this.scene.places[index].position;
+  }
+
+  get index(): number {
+    return this.place?.index ?? -1;
+  }
+
+  get size(): [number, number] {
+    const box = this.panorama.canvas.parentElement!;
+    return [Math.max(box.clientWidth, 1), Math.max(box.clientHeight, 1)];
+  }
+
+  // Degrees from the top edge to the bottom edge.
+  get vertical(): number {
+    const [width, height] = this.size;
+    if (width >= height) return this.fov;
+    return (2 * Math.atan((Math.tan((this.fov * Math.PI) / 360) * height) / width) * 180) / Math.PI;
+  }
+
+  // Radians of a pixel in the middle of the window.
+  get pixel(): number {
+    return (2 * Math.tan((this.vertical * Math.PI) / 360)) / this.size[1];
+  }
+
+  turn(yaw: number, pitch: number, fov = this.fov): void {
+    this.yaw = yaw;
+    this.pitch = Math.min(Math.max(pitch, -STEEPEST), STEEPEST);
+    this.fov = Math.min(Math.max(fov, NARROWEST), WIDEST);
+    this.redraw();
+  }
+
+  private resize(): void {
+    const [width, height] = this.size;
+    this.panorama.resize(width, height, Math.min(window.devicePixelRatio || 1, 2));
+    this.redraw();
+  }
+
+  redraw(): void {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame((now) => this.step(now));
+  }
+
+  // Goes to a place; `look` as of turn, once there.
+  async go(index: number, look?: { yaw: number; pitch: number; fov: number }): Promise<void> {
+    if (this.going || !this.scene.places[index]) return;
+    const asked = performance.now();
+    this.going = true;
+    try {
+      const next = await this.visits.get(index);
+      const before = this.place;
+      if (before && before !== next && !this.calm.matches) await this.move(before, next);
+      this.place = next;
+      this.eye = this.position(index);
+      this.panorama.stand(next.textures, this.eye);
+      if (look) this.turn(look.yaw, look.pitch, look.fov);
+      this.ready = true;
+      this.hopTime = performance.now() - asked;
+      this.redraw();
+      for (const tell of this.arrived) tell();
+    } finally {
+      this.going = false;
+    }
+    void this.visits.trim(index);
+  }
+
+  private done: (() => void) | null = null;
+
+  private move(from: LoadedPlace, to: LoadedPlace): Promise<void> {
+    const start = this.position(from.index), end = this.position(to.index);
+    this.panorama.begin(from.textures, from.depth, start, to.textures, to.depth, end);
+    this.hop = { start: performance.now(), from: start, to: end };
+    this.redraw();
+    return new Promise((resolve) => (this.done = resolve));
+  }
+
+  private step(now: number): void {
+    this.asked = false;
+    let opacity = 0;
+    const elapsed = Math.min((now - this.last) / 1000, 0.1);
+    this.last = now;
+    if (this.speed[0] || this.speed[1]) {
+      this.turn(this.yaw + elapsed * this.speed[0], this.pitch + elapsed * this.speed[1]);
+    }
+    if (this.hop) {
+      const t = Math.min((performance.now() - this.hop.start) / HOP, 1);
+      const eased = t * t * (3 - 2 * t);
+      this.eye = plus(times(this.hop.from, 1 - eased), times(this.hop.to, eased));
+      const s = Math.min(Math.max((eased - 0.2) / 0.6, 0), 1);
+      opacity = 1 - s * s * (3 - 2 * s);
+      if (t >= 1) {
+        this.hop = null;
+        this.done?.();
+        this.done = null;
+      } else this.redraw();
+    }
+    if (!this.place && !this.hop) return;
+    this.panorama.aim(this.eye, direction(this.yaw, this.pitch), this.vertical);
+    const canvas = this.panorama.canvas;
+    this.panorama.draw(this.second < 0 ? -1 : this.second * canvas.width, this.tint, opacity);
+    for (const tell of this.drawn) tell();
+  }
+
+  get moving(): boolean {
+    return this.hop !== null;
+  }
+
+  // The ray through a position in the window, CSS pixels from its upper left corner.
+  ray(x: number, y: number): Vector {
+    const [width, height] = this.size;
+    const tall = Math.tan((this.vertical * Math.PI) / 360);
+    const forward = direction(this.yaw, this.pitch);
+    const right: Vector = [Math.sin(this.yaw), -Math.cos(this.yaw), 0];
+    const up: Vector = direction(this.yaw, this.pitch + Math.PI / 2);
+    const a = ((2 * x) / width - 1) * tall * (width / height), b = (1 - (2 * y) / height) * tall;
+    const out = plus(forward, plus(times(right, a), times(up, b)));
+    return times(out, 1 / Math.hypot(...out));
+  }
+
+  // Where a point of the world appears, CSS pixels; null behind the camera.  depth: along the axis of view.
+  project(point: Vector): { x: number; y: number; depth: number } | null {
+    const [width, height] = this.size;
+    const away: Vector = [point[0] - this.eye[0], point[1] - this.eye[1], point[2] - this.eye[2]];
+    const on = (v: Vector) => away[0] * v[0] + away[1] * v[1] + away[2] * v[2];
+    const depth = on(direction(this.yaw, this.pitch));
+    if (depth <= 1e-6) return null;
+    const scale = height / 2 / Math.tan((this.vertical * Math.PI) / 360) / depth;
+    return {
+      x: width / 2 + scale * on([Math.sin(this.yaw), -Math.cos(this.yaw), 0]),
+      y: height / 2 - scale * on(direction(this.yaw, this.pitch + Math.PI / 2)),
+      depth,
+    };
+  }
+
+  // Whether nothing stands between the eye and a point.
+  sees(point: Vector, slack = 0.93): boolean {
+    const away: Vector = [point[0] - this.eye[0], point[1] - this.eye[1], point[2] - this.eye[2]];
+    const far = Math.hypot(...away);
+    return far < 1e-6 || this.place.depth.distance(times(away, 1 / far)) >= slack * far;
+  }
+}

@@ -1,0 +1,91 @@
+// Loads places and keeps the last ones: pictures and depth, small first, then whole.
+
+import { DepthMap } from "./depth";
+import { loadPart, picture } from "./loader";
+import { maskTextures, PlaceTextures, textureOf } from "./panorama";
+import type { SceneData } from "./scene";
+
+const KEPT = 6; // places whose pictures stay on the GPU
+
+export class LoadedPlace {
+  readonly textures = new PlaceTextures();
+  depth!: DepthMap; // small at first
+  whole: Promise<void> | null = null;
+  second: Promise<void> | null = null;
+  exact: Promise<void> | null = null;
+
+  constructor(readonly index: number) {}
+}
+
+export class Visits {
+  private readonly loaded = new Map<number, Promise<LoadedPlace>>();
+
+  // changed: is told of pictures that came later.
+  constructor(private readonly scene: SceneData, private readonly changed: (place: LoadedPlace) => void) {}
+
+  // A place with its first pictures.
+  get(index: number): Promise<LoadedPlace> {
+    let found = this.loaded.get(index);
+    if (found) this.loaded.delete(index);
+    else found = this.first(index);
+    this.loaded.set(index, found); // as the last one
+    found.catch(() => this.loaded.delete(index));
+    return found;
+  }
+
+  // Lets go of places that were not visited for long.
+  async trim(here: number): Promise<void> {
+    for (const [index, promise] of [...this.loaded]) {
+      if (this.loaded.size <= KEPT) return;
+      if (index === here) continue;
+      this.loaded.delete(index);
+      (await promise).textures.release();
+    }
+  }
+
+  private async first(index: number): Promise<LoadedPlace> {
+    const data = await loadPart(index, "first");
+    const place = new LoadedPlace(index);
+    const { small, stride, places } = this.scene;
+    const [images, depth] = await Promise.all([
+      Promise.all(data.pictures!.map(picture)),
+      DepthMap.decode(data.depth!, places[index], small, stride),
+    ]);
+    place.textures.first = images.map(textureOf);
+    place.depth = depth;
+    place.textures.measured = maskTextures(depth);
+    return place;
+  }
+
+  full(place: LoadedPlace): Promise<void> {
+    return (place.whole ??= (async () => {
+      const data = await loadPart(place.index, "full");
+      const images = await Promise.all(data.pictures!.map(picture));
+      const before = place.textures.first;
+      place.textures.first = images.map(textureOf);
+      place.textures.isFull = true;
+      this.changed(place);
+      for (const texture of before) texture.dispose();
+    })());
+  }
+
+  other(place: LoadedPlace): Promise<void> {
+    return (place.second ??= (async () => {
+      const data = await loadPart(place.index, "second");
+      place.textures.second = (await Promise.all(data.pictures!.map(picture))).map(textureOf);
+      this.changed(place);
+    })());
+  }
+
+  // The whole depth, to measure on.
+  finest(place: LoadedPlace): Promise<void> {
+    return (place.exact ??= (async () => {
+      const data = await loadPart(place.index, "depth");
+      place.depth = await DepthMap.decode(data.depth!, this.scene.places[place.index], this.scene.small, 1);
+      const before = place.textures.measured;
+      place.textures.measured = maskTextures(place.depth);
+      this.changed(place);
+      for (const texture of before) texture.dispose();
+    })());
+  }
+}

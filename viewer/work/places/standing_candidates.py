@@ -1,0 +1,77 @@
+"""Places where a person can stand, spread over the floors of a walk map, and which of them can be walked to from each other.
+
+Frame: the upright world, file units, as the walk map's.
+"""
+
+import numpy as np
+
+from .standing_place import EYE_HEIGHT
+from .walk_map import HEIGHT, STEP, WalkMap
+
+_APART = 0.6
+"""Metres: side of the cells of which each holds one place, at most, on each storey."""
+_MOST = 700
+"""Places, at most; larger scans have larger cells."""
+_CLEAR = (0.6, 0.35)
+"""Metres around a place in which nothing is in the way: wished for, and put up with where that leaves no place."""
+_STOREY = 1.0
+"""Metres between floors that are taken for two storeys of a cell."""
+
+
+def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray]:
+    """Eyes (n, 3), and the number of the area (n,) that each stands in: one can walk between places of one area."""
+    from scipy.spatial import KDTree
+
+    metre = walk.metre
+    blocks = _centres(walk)
+    floors = np.flatnonzero(walk.floor)
+    if len(floors) == 0:
+        return np.zeros((0, 3)), np.zeros(0, int)
+    areas = _areas(blocks[floors], walk.side, metre)
+    tree = KDTree(blocks[:, :2])
+    picked = _spread(blocks[floors], metre)
+    free = np.zeros(len(picked), bool)
+    for clear in _CLEAR:
+        free = np.array([_is_free(blocks, tree, blocks[floors[at]], clear * metre, metre) for at in picked], bool)
+        if free.any():
+            break
+    kept = picked[free]
+    return blocks[floors[kept]] + np.array([0.0, 0.0, EYE_HEIGHT * metre]), areas[kept]
+
+
+def _centres(walk: WalkMap) -> np.ndarray:
+    """(B, 3) middle of each block in the plane, mean height of its points."""
+    bits = 21
+    columns = np.stack([walk.keys >> 2 * bits, (walk.keys >> bits) & ((1 << bits) - 1)], axis=1)
+    return np.column_stack([walk.origin[:2] + (columns + 0.5) * walk.side, walk.heights])
+
+
+def _areas(floors: np.ndarray, side: float, metre: float) -> np.ndarray:
+    """(F,) number of the connected area of each floor block: neighbours no more than a step apart."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    pairs = KDTree(floors[:, :2]).query_pairs(1.5 * side, output_type="ndarray")
+    near = pairs[np.abs(floors[pairs[:, 0], 2] - floors[pairs[:, 1], 2]) <= STEP * metre]
+    graph = coo_matrix((np.ones(len(near), bool), (near[:, 0], near[:, 1])), shape=(len(floors),) * 2)
+    return connected_components(graph, directed=False)[1]
+
+
+def _spread(floors: np.ndarray, metre: float) -> np.ndarray:
+    """Numbers of floor blocks: of each cell and storey the one nearest to the middle."""
+    side = _APART * metre
+    while True:
+        cells = np.floor(floors / np.array([side, side, _STOREY * metre])).astype(np.int64)
+        away = ((floors[:, :2] / side - cells[:, :2] - 0.5) ** 2).sum(axis=1)
+        order = np.lexsort((away, *cells.T))
+        _, first = np.unique(cells[order], axis=0, return_index=True)
+        if len(first) <= _MOST:
+            return order[first]
+        side *= 1.3
+
+
+def _is_free(blocks: np.ndarray, tree, feet: np.ndarray, radius: float, metre: float) -> bool:
+    """Whether nothing is in the way of a body of this radius."""
+    near = blocks[tree.query_ball_point(feet[:2], radius), 2] - feet[2]
+    return not bool(((near > STEP * metre) & (near < HEIGHT * metre)).any())
