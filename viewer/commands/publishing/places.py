@@ -104,8 +104,7 @@ def _planned(scene: "Scene", document: "Document", most: int) -> list[Place]:
     """Places that see every surface; where nobody can stand, one from which all is in view."""
     upright, seen = upright_axes(document.up), sample_scene(scene)
     level, view = turned(seen, upright), standing_view(scene, seen)
-    sight = Selection(scene, clips=document.clips, hidden=scene.hidden_stations(document.edits))
-    walk = build_walk_map(sight, upright, seen.metre)
+    walk = build_walk_map(Selection.in_sight(scene, document.edits), upright, seen.metre)
     if walk is not None:
         eyes, areas = standing_candidates(walk)
     else:  # too coarse to tell a step from a wall

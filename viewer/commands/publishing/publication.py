@@ -13,7 +13,7 @@ Neither paths nor names of the machine are written: only what a person called th
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,9 @@ from ... import __version__
 from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
 from ...common.progress import progress
+from ...picture.edits import Edits
 from ...picture.json_values import to_json
+from ...picture.point_sets import NO_POINTS
 from ...picture.spec import PictureSpec
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
@@ -107,10 +109,15 @@ class Publication:
     def _file(self, number: int, part: str) -> Path:
         return self.out / "places" / f"{number:03d}.{part}.js"
 
+    @property
+    def _edits(self) -> Edits:
+        """Those of the document, without the tint of selected points."""
+        return replace(self.document.edits, selection=NO_POINTS)
+
     def _spec(self, place: "Place") -> PictureSpec:
         background = self.document.background if self.document.background in ("black", "plain") else "plain"
         camera = face_cameras(place.position, 8, self.document.up)[0]
-        return PictureSpec(camera, self.settings, edits=self.document.edits, background=background)
+        return PictureSpec(camera, self.settings, edits=self._edits, background=background)
 
     def _digest(self, place: "Place") -> str:
         """Stands for everything that the files of a place depend on."""
@@ -118,7 +125,7 @@ class Publication:
         made_of = {
             "format": _FORMAT, "version": __version__, "points": self.scene.count, "bounds": self.scene.bounds.tolist(),
             "changed": [file.stat().st_mtime_ns if file.exists() else 0 for file in sources], "settings": asdict(self.settings),
-            "edits": to_json(self.document.edits), "position": place.position.tolist(), "form": asdict(self.form),
+            "edits": to_json(self._edits), "position": place.position.tolist(), "form": asdict(self.form),
             "background": self._spec(place).background,
             "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE],
         }  # fmt: skip

@@ -71,9 +71,9 @@ def _points(scene: "Scene", document: "Document", origin: np.ndarray, axes: np.n
     cells = len(scene.cell_coords)
     ends = np.asarray(scene.offsets)[cells::cells]
     head = int(ends[min(int(np.searchsorted(ends, _PLAN_POINTS)), len(ends) - 1)])
-    xyz, _, _, station = unpack(scene, slice(0, head, -(-head // _PLAN_POINTS)))
-    sight = Selection(scene, clips=document.clips, hidden=scene.hidden_stations(document.edits))
-    return (xyz[sight.keeps(xyz, station)] - origin) @ axes
+    some = slice(0, head, -(-head // _PLAN_POINTS))
+    xyz, _, _, station = unpack(scene, some)
+    return (xyz[Selection.in_sight(scene, document.edits).keeps(xyz, station, some)] - origin) @ axes
 
 
 def _yaw(direction: np.ndarray) -> float:
