@@ -88,7 +88,8 @@ export class DepthMap {
   //
   // A plane is fitted to the inverse depths around the ray (a plane's are affine in the picture) and met by the ray.
   // Uncertainty (standard): across the ray a screen pixel and a depth pixel, each evenly distributed (GUM 4.3.7);
-  // along it the scatter around the plane over the root of the count, the front of a slanted pixel, and the coding of depth.
+  // along it the scatter around the plane over the root of the count and half of it, by which a pixel that shows the front one of
+  // several points is too near, the front of a slanted pixel, and the coding of depth.
   // spacing: of the scan's points.
   surface(ray: Vector, pixel: number, spacing: number): Surface | null {
     const { face, x, y, scale } = this.locate(ray);
@@ -137,7 +138,8 @@ export class DepthMap {
     const footprint = (2 / this.full) * this.stride * z;
     const slope = (Math.hypot(plane[1], plane[2]) / inverse) * z; // change of z within a pixel
     const across = Math.hypot((pixel * far) / Math.sqrt(12), footprint / Math.sqrt(12 * Math.max(1, used / 4)));
-    const along = Math.hypot((scatter / inverse) * z / Math.sqrt(used), slope / 2 / Math.sqrt(3), z * this.place.step / 2 / Math.sqrt(3)) / scale;
+    const noise = (scatter / inverse) * z; // of one point; a pixel shows the front one of those in it
+    const along = Math.hypot(noise / Math.sqrt(used), noise / 2, slope / 2 / Math.sqrt(3), z * this.place.step / 2 / Math.sqrt(3)) / scale;
     return { point: times(ray, far), across, along, ray };
   }
 }

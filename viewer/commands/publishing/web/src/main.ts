@@ -95,8 +95,9 @@ function later(view: View, measuring: Measuring): void {
     if (view.place !== place) return;
     if (measuring.on) await view.visits.finest(place);
     if (view.second >= 0) await view.visits.other(place);
-    await view.visits.full(place);
-    for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.get(index);
+    await view.visits.prepare(place.index);
+    for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.prepare(index);
+    if (view.place === place) await view.visits.full(place);
   }, 60);
 }
 

@@ -5,9 +5,9 @@ import {
   PerspectiveCamera, RedFormat, Scene, ShaderMaterial, Texture, UnsignedByteType, WebGLRenderer,
 } from "three";
 import type { DepthMap } from "./depth";
-import { FACE_COUNT, FACES, type Vector } from "./scene";
+import { FACES, type Vector } from "./scene";
 
-const GRID = 96; // cells of a face's mesh, a side
+const GRID = 64; // cells of a face's mesh, a side
 const TORN = 0.3; // relative difference of inverse depth within a cell from which on it spans two surfaces
 const FAR = 60; // of what has no depth, in multiples of the median depth
 
@@ -18,6 +18,7 @@ void main() {
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }`;
 
+// The direction from the place, not a coordinate of the mesh, says what is shown: exact however the mesh is displaced.
 const fragment = /* glsl */ `
 precision highp float;
 in vec3 at;
@@ -28,18 +29,23 @@ uniform float split, opacity, tint;
 void main() {
   vec3 ray = at / dot(at, forward);
   vec2 uv = 0.5 + 0.5 * vec2(dot(ray, right), -dot(ray, up));
+#ifdef PLAIN
+  colour = vec4(texture(first, uv).rgb, opacity);
+#else
   vec3 shown = gl_FragCoord.x < split ? texture(second, uv).rgb : texture(first, uv).rgb;
   if (tint > 0.0 && texture(measured, uv).r < 0.5) shown = mix(shown, vec3(0.93, 0.35, 0.72), 0.5 * tint);
   colour = vec4(shown, opacity);
+#endif
 }`;
 
 export class PlaceTextures {
   first: Texture[] = [];
   second: Texture[] | null = null;
   measured: DataTexture[] = [];
-  isFull = false;
+  meshes: BufferGeometry[] | null = null; // by depth, made once
 
   release(): void {
+    for (const mesh of this.meshes ?? []) mesh.dispose();
     for (const texture of [...this.first, ...(this.second ?? []), ...this.measured]) texture.dispose();
   }
 }
@@ -69,7 +75,7 @@ export function maskTextures(depth: DepthMap): DataTexture[] {
 function materialOf(face: number): ShaderMaterial {
   const { forward, right, up } = FACES[face];
   return new ShaderMaterial({
-    glslVersion: GLSL3, vertexShader: vertex, fragmentShader: fragment, side: 2,
+    glslVersion: GLSL3, vertexShader: vertex, fragmentShader: fragment, side: 2, defines: {},
     uniforms: {
       first: { value: null }, second: { value: null }, measured: { value: null }, forward: { value: forward }, right: { value: right },
       up: { value: up }, split: { value: -1 }, opacity: { value: 1 }, tint: { value: 0 },
@@ -102,9 +108,9 @@ function depthFace(depth: DepthMap, face: number, background: number): BufferGeo
   const solid: number[] = [], torn: number[] = [];
   for (let row = 0; row < GRID; row++)
     for (let column = 0; column < GRID; column++) {
-      const i = row * n + column, cell = [i, i + 1, i + n, i + n + 1];
-      const values = cell.map((j) => inverse[j]);
-      const low = Math.min(...values), high = Math.max(...values);
+      const i = row * n + column;
+      const low = Math.min(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
+      const high = Math.max(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
       (high - low > TORN * high ? torn : solid).push(i, i + n, i + 1, i + 1, i + n, i + n + 1);
     }
   const geometry = new BufferGeometry();
@@ -115,6 +121,16 @@ function depthFace(depth: DepthMap, face: number, background: number): BufferGeo
   return geometry;
 }
 
+// The meshes of a place, made when they are first asked for.
+export function meshesOf(textures: PlaceTextures, depth: DepthMap): BufferGeometry[] {
+  if (textures.meshes) return textures.meshes;
+  const some: number[] = [];
+  for (let i = 0; i < depth.codes.length; i += 997) if (depth.codes[i]) some.push(depth.depthOf(i));
+  some.sort((a, b) => a - b);
+  const background = FAR * (some[some.length >> 1] ?? 1);
+  return (textures.meshes = FACES.map((_, face) => depthFace(depth, face, background)));
+}
+
 // The six faces of one place, as a cube or as a mesh by depth.
 class Layer {
   readonly group = new Group();
@@ -123,11 +139,9 @@ class Layer {
   private readonly cubes: Mesh[];
   private meshes: Mesh[] = [];
 
-  constructor(order: number, reach: number, private readonly keepsTorn: boolean) {
+  constructor(reach: number, private readonly keepsTorn: boolean) {
     this.cubes = this.materials.map((material, face) => new Mesh(cubeFace(face, reach), material));
     for (const mesh of this.cubes) {
-      mesh.frustumCulled = true;
-      mesh.renderOrder = order;
       this.group.add(mesh);
     }
     this.group.visible = false;
@@ -147,7 +161,14 @@ class Layer {
       uniforms.tint.value = tint;
       uniforms.opacity.value = opacity;
     }
-    this.materials.forEach((material) => (material.transparent = opacity < 1));
+    const plain = split < 0 && tint === 0; // one picture alone: a shader that software can draw fast
+    for (const material of this.materials) {
+      material.transparent = opacity < 1;
+      if (("PLAIN" in material.defines) === plain) continue;
+      if (plain) material.defines.PLAIN = 1;
+      else delete material.defines.PLAIN;
+      material.needsUpdate = true;
+    }
   }
 
   // Whether colours are written, or depth alone.
@@ -155,25 +176,15 @@ class Layer {
     for (const material of this.materials) material.colorWrite = written;
   }
 
-  displace(depth: DepthMap | null, order: number): void {
-    for (const mesh of this.meshes) {
-      mesh.geometry.dispose();
-      this.group.remove(mesh);
-    }
-    this.meshes = [];
-    for (const cube of this.cubes) cube.visible = depth === null;
-    if (depth === null) return;
-    const some: number[] = [];
-    for (let i = 0; i < depth.codes.length; i += 97) if (depth.codes[i]) some.push(depth.depthOf(i));
-    some.sort((a, b) => a - b);
-    const background = FAR * (some[some.length >> 1] ?? 1);
-    for (let face = 0; face < FACE_COUNT; face++) {
-      const mesh = new Mesh(depthFace(depth, face, background), [this.materials[face], this.keepsTorn ? this.materials[face] : this.hidden]);
-      mesh.renderOrder = order;
+  displace(shapes: BufferGeometry[] | null): void {
+    for (const mesh of this.meshes) this.group.remove(mesh);
+    for (const cube of this.cubes) cube.visible = shapes === null;
+    this.meshes = (shapes ?? []).map((shape, face) => {
+      const mesh = new Mesh(shape, [this.materials[face], this.keepsTorn ? this.materials[face] : this.hidden]);
       mesh.frustumCulled = false;
-      this.meshes.push(mesh);
       this.group.add(mesh);
-    }
+      return mesh;
+    });
   }
 }
 
@@ -190,8 +201,8 @@ export class Panorama {
   constructor(readonly canvas: HTMLCanvasElement, metre: number) {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
-    this.here = new Layer(0, metre, true);
-    this.over = new Layer(0, metre, false);
+    this.here = new Layer(metre, true);
+    this.over = new Layer(metre, false);
     this.scene.add(this.here.group);
     this.overScene.add(this.over.group);
     this.camera.up.set(0, 0, 1);
@@ -216,20 +227,20 @@ export class Panorama {
   stand(textures: PlaceTextures, position: Vector): void {
     this.here.show(textures);
     this.here.group.position.set(...position);
-    this.here.displace(null, 0);
+    this.here.displace(null);
     this.here.group.visible = true;
     this.over.group.visible = false;
-    this.over.displace(null, 0);
+    this.over.displace(null);
   }
 
   // From now on the place gone to is drawn, by depth, under the one that is left.
   begin(from: PlaceTextures, fromDepth: DepthMap, fromAt: Vector, to: PlaceTextures, toDepth: DepthMap, toAt: Vector): void {
     this.here.show(to);
     this.here.group.position.set(...toAt);
-    this.here.displace(toDepth, 0);
+    this.here.displace(meshesOf(to, toDepth));
     this.over.show(from);
     this.over.group.position.set(...fromAt);
-    this.over.displace(fromDepth, 0);
+    this.over.displace(meshesOf(from, fromDepth));
     this.over.group.visible = true;
   }
 
@@ -248,6 +259,14 @@ export class Panorama {
       }
     }
     this.frames++;
+  }
+
+  // Gives textures to the GPU one a picture, so that no picture waits for all of them.
+  async upload(textures: Texture[]): Promise<void> {
+    for (const texture of textures) {
+      this.renderer.initTexture(texture);
+      await new Promise(requestAnimationFrame);
+    }
   }
 
   get software(): string {

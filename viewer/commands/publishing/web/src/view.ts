@@ -4,7 +4,11 @@ import { Panorama } from "./panorama";
 import { direction, plus, times, type SceneData, type Vector } from "./scene";
 import { type LoadedPlace, Visits } from "./visit";
 
-export const HOP = 420; // milliseconds
+export const HOP = 360; // milliseconds
+const SLOW = 36; // milliseconds of a picture above which there are fewer pixels, below half of which more
+const PICTURES = 5; // whose mean counts
+const COARSEST = 0.4;
+const REST = 200; // milliseconds without a picture that count as rest
 const STEEPEST = (88 * Math.PI) / 180;
 export const NARROWEST = 25, WIDEST = 100; // degrees, of the shorter side of the window
 
@@ -21,6 +25,10 @@ export class View {
   going = false;
   hopTime = 0; // milliseconds from the request to the last step of the last hop
   private asked = false;
+  private coarse = 1; // share of the pixels a side, while something moves; learnt from how long pictures take
+  private sharp = true;
+  private slow: number[] = [];
+  private rest = 0;
   private last = 0;
   private hop: { start: number; from: Vector; to: Vector } | null = null;
   readonly visits: Visits;
@@ -32,7 +40,7 @@ export class View {
     this.visits = new Visits(scene, (place) => {
       if (place === this.place && !this.hop) this.panorama.stand(place.textures, this.position(place.index));
       this.redraw();
-    });
+    }, (textures) => panorama.upload(textures));
     new ResizeObserver(() => this.resize()).observe(panorama.canvas.parentElement!);
     this.resize();
   }
@@ -71,8 +79,30 @@ export class View {
 
   private resize(): void {
     const [width, height] = this.size;
-    this.panorama.resize(width, height, Math.min(window.devicePixelRatio || 1, 2));
+    this.panorama.resize(width, height, Math.min(window.devicePixelRatio || 1, 2) * (this.sharp ? 1 : this.coarse));
     this.redraw();
+  }
+
+  // Fewer pixels while something moves on a device that is too slow, all of them at rest.
+  private pace(elapsed: number): void {
+    window.clearTimeout(this.rest);
+    this.rest = window.setTimeout(() => {
+      if (!this.sharp) (this.sharp = true), this.resize();
+    }, REST);
+    if (elapsed > REST) {
+      this.slow = [];
+      return;
+    }
+    this.slow.push(elapsed);
+    if (this.slow.length >= PICTURES) {
+      const mean = this.slow.reduce((a, b) => a + b) / this.slow.length;
+      this.slow = [];
+      if (mean > SLOW) this.coarse = Math.max(this.coarse * 0.7, COARSEST);
+      else if (mean < SLOW / 2) this.coarse = Math.min(this.coarse * 1.2, 1);
+      else return;
+      this.sharp = this.coarse === 1;
+      this.resize();
+    } else if (this.sharp && this.coarse < 1) (this.sharp = false), this.resize();
   }
 
   redraw(): void {
@@ -118,6 +148,7 @@ export class View {
     this.asked = false;
     let opacity = 0;
     const elapsed = Math.min((now - this.last) / 1000, 0.1);
+    this.pace(now - this.last);
     this.last = now;
     if (this.speed[0] || this.speed[1]) {
       this.turn(this.yaw + elapsed * this.speed[0], this.pitch + elapsed * this.speed[1]);

@@ -2,7 +2,8 @@
 
 import { DepthMap } from "./depth";
 import { loadPart, picture } from "./loader";
-import { maskTextures, PlaceTextures, textureOf } from "./panorama";
+import { maskTextures, meshesOf, PlaceTextures, textureOf } from "./panorama";
+import type { Texture } from "three";
 import type { SceneData } from "./scene";
 
 const KEPT = 6; // places whose pictures stay on the GPU
@@ -21,7 +22,8 @@ export class Visits {
   private readonly loaded = new Map<number, Promise<LoadedPlace>>();
 
   // changed: is told of pictures that came later.
-  constructor(private readonly scene: SceneData, private readonly changed: (place: LoadedPlace) => void) {}
+  constructor(private readonly scene: SceneData, private readonly changed: (place: LoadedPlace) => void,
+    private readonly upload: (textures: Texture[]) => Promise<void>) {}
 
   // A place with its first pictures.
   get(index: number): Promise<LoadedPlace> {
@@ -31,6 +33,13 @@ export class Visits {
     this.loaded.set(index, found); // as the last one
     found.catch(() => this.loaded.delete(index));
     return found;
+  }
+
+  // Makes a place ready to be gone to, or from, at once.
+  async prepare(index: number): Promise<void> {
+    const place = await this.get(index);
+    await this.upload([...place.textures.first, ...place.textures.measured]);
+    meshesOf(place.textures, place.depth);
   }
 
   // Lets go of places that were not visited for long.
@@ -62,8 +71,9 @@ export class Visits {
       const data = await loadPart(place.index, "full");
       const images = await Promise.all(data.pictures!.map(picture));
       const before = place.textures.first;
-      place.textures.first = images.map(textureOf);
-      place.textures.isFull = true;
+      const textures = images.map(textureOf);
+      await this.upload(textures);
+      place.textures.first = textures;
       this.changed(place);
       for (const texture of before) texture.dispose();
     })());
@@ -72,7 +82,9 @@ export class Visits {
   other(place: LoadedPlace): Promise<void> {
     return (place.second ??= (async () => {
       const data = await loadPart(place.index, "second");
-      place.textures.second = (await Promise.all(data.pictures!.map(picture))).map(textureOf);
+      const textures = (await Promise.all(data.pictures!.map(picture))).map(textureOf);
+      await this.upload(textures);
+      place.textures.second = textures;
       this.changed(place);
     })());
   }
