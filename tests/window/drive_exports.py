@@ -1,6 +1,7 @@
 """A person exports points, by X key and pointer events, for ``test_exports.py``; other libraries read what was written."""
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
@@ -68,6 +69,85 @@ def check_a_name_that_cannot_be_written_is_told_and_the_scan_is_never_replaced(p
     p.d.app.save_actions.points.start(scan)
     p.d.until(lambda: p.d.session.notices.message is not None, 60.0)
     assert "the scan itself" in p.d.session.notices.message.text and scan.read_bytes() == before
+
+
+def lasso(p: Person, *corners: tuple[float, float], modifier: str = "") -> None:
+    """Draws a line with the left button held.  corners: shares of the picture's width and height."""
+    area, before = p.d.session.area.layout.uncovered, p.d.session.document.selection
+    places = [(round(area.left + x * area.width), round(area.top + y * area.height)) for x, y in corners]
+    if modifier:
+        xdo("keydown", modifier)
+    xdo("mousemove", *places[0])
+    p.d.settle()
+    xdo("mousedown", 1)
+    for (x0, y0), (x1, y1) in pairwise(places):
+        for step in range(1, 9):
+            xdo("mousemove", round(x0 + (x1 - x0) * step / 8), round(y0 + (y1 - y0) * step / 8))
+            p.d.settle(1)
+    xdo("mouseup", 1)
+    if modifier:
+        xdo("keyup", modifier)
+    tool = p.d.app.toolbox.active
+    p.d.until(lambda: tool.job.worker is None and p.d.session.document.selection is not before, 60.0)
+    p.d.settle()
+
+
+def check_a_lasso_classifies_points_which_a_project_keeps_and_an_export_writes(p: Person, folder: Path) -> None:
+    p.d.session.work.undo()  # the clip
+    scan, out = folder / "scans" / "wall.las", folder / "projects" / "roof.laz"
+    before, bytes_before = laspy.read(scan), scan.read_bytes()
+    work, tool = p.d.session.work, next(tool for tool in p.d.app.toolbox.tools if tool.name == "select")
+    p.key("r", "f")
+    p.d.rest()
+    shown, camera = p.d.canvas(), p.d.session.camera
+    lasso(p, (0.3, 0.3), (0.6, 0.3), (0.6, 0.8), (0.3, 0.8))
+    count = work.document.selection.count
+    assert count > 20 and tool.facts is not None and tool.facts.bounds is not None
+    lasso(p, (0.2, 0.2), (0.45, 0.2), (0.45, 0.9), (0.2, 0.9), modifier="ctrl")
+    assert 0 < work.document.selection.count < count, "Ctrl takes points away"
+    p.d.rest()
+    assert not np.array_equal(p.d.canvas(), shown), "what is selected is tinted"
+    p.d.picture("selected")
+    key = ((scan.name, len(before.points)),)
+    chosen = work.document.selection.mask(key)
+    area, layout = p.d.session.area.size, p.d.session.area.layout
+    pixels, depth = camera.project(np.asarray(before.xyz))
+    pixels -= np.array([layout.uncovered.left - layout.picture.left, layout.uncovered.top - layout.picture.top])
+    share = pixels / (layout.uncovered.width, layout.uncovered.height)
+    wanted = (depth > 0) & (share[:, 0] > 0.45) & (share[:, 0] < 0.6) & (share[:, 1] > 0.3) & (share[:, 1] < 0.8)
+    assert (chosen != wanted).mean() < 0.01, ("the points under the lasso", area)
+    p.click("##code")
+    xdo("key", "ctrl+a")
+    xdo("type", "17")
+    p.d.settle()
+    p.click("Classify")
+    p.d.until(lambda: bool(work.document.reclassified), 60.0)
+    assert not work.document.selection and work.document.reclassified[0].code == 17
+    p.key("ctrl+z", "ctrl+y")
+    assert work.document.reclassified[0].points.mask(key).sum() == chosen.sum()
+    saved, scene = work.document.reclassified, p.d.session.scene
+    xdo("key", "ctrl+s")
+    p.d.until(lambda: work.project is not None, 60.0)
+    p.click(f"{icons.REMOVE}##close_scan")
+    p.d.until(lambda: p.d.session.scene is None)
+    p.d.drop(folder / "scans" / "wall.pointglass")
+    p.d.until(lambda: p.d.session.scene not in (None, scene) and not p.d.session.shown_scan.preview, 90.0)
+    p.d.settle()
+    assert work.document.reclassified == saved
+    p.click(f"{icons.EXPORT}##export")
+    p.listed()
+    xdo("key", "ctrl+a")
+    p.type(str(out))
+    p.key("Return")
+    p.d.until(lambda: out in p.d.session.notices.saved, 60.0)
+    made, classes = laspy.read(out), np.array(before.classification)
+    classes[chosen] = 17
+    assert np.array_equal(made.classification, classes), "exactly these points have the class"
+    made.classification = np.array(before.classification)
+    assert np.array_equal(made.points.array, before.points.array), "and everything else is as it was"
+    assert scan.read_bytes() == bytes_before
+    p.key("r")
+    p.d.picture("classified")
 
 
 def check_a_sheet_on_paper_and_a_drawing_of_its_lines_are_saved_from_the_section_tool(p: Person, folder: Path) -> None:

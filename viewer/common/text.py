@@ -3,7 +3,7 @@ text."""
 
 from ...model.common.printable import escaped_output, printable
 
-__all__ = ["bytes_text", "counted", "escaped_output", "left_text", "printable", "whole_number",
+__all__ = ["bytes_text", "count_text", "counted", "escaped_output", "left_text", "printable", "whole_number",
            "with_whole_characters"]
 
 import math
@@ -65,3 +65,11 @@ def with_whole_characters(text: str) -> str:
     """A text, with halves of characters (unpaired surrogates, which JSON can hold) escaped: no text can be drawn or written
     that has one."""
     return printable(text) if any("\ud800" <= letter <= "\udfff" for letter in text) else text
+
+
+def count_text(number: int) -> str:
+    """A count that is read at a glance: 950, 12.3 k, 1.04 M, 2.10 G."""
+    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if number >= size:
+            return f"{number / size:.3g} {unit}" if number / size >= 100 else f"{number / size:#.3g} {unit}"
+    return str(number)

@@ -15,7 +15,7 @@ from ..common.progress import progress
 from ..grid.records.point_marks import file_keys, has_sets, marks_of
 from ..picture.clip import Clip, active, box_around, contains, may_contain
 from ..picture.edits import Edits
-from ..picture.point_sets import NO_POINTS, PointSet
+from ..picture.point_sets import PointSet
 from ..picture.regions import LAST_CLASS, Region
 
 if TYPE_CHECKING:
@@ -61,15 +61,15 @@ class Selection:
                  only: PointSet | None = None) -> "Selection":
         """What a person sees of a scene with these edits.  only: of these points; None: of all.  Raises InputError where single
         points are hidden or classified, and the grid does not tell which of the file these are."""
-        stored = replace(edits, selection=NO_POINTS)  # a selection hides nothing
+        marked = edits
         if only is not None:
             files = file_keys(scene)
             rest = Region("", PointSet.of(~only.mask(files), files), shown=False)
-            stored = replace(stored, regions=(*stored.regions, rest))
-        if has_sets(stored):
+            marked = replace(edits, regions=(*edits.regions, rest))
+        if has_sets(marked):
             file_keys(scene)
         return Selection(scene, edits.clips, within, scene.hidden_stations(edits), frozenset(edits.hidden_classes), classes,
-                         marks_of(scene, stored))
+                         marks_of(scene, marked))
 
     @property
     def everything(self) -> bool:

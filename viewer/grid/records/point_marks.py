@@ -73,7 +73,9 @@ def file_keys(scene: "Scene") -> tuple[FileKey, ...]:
     return tuple(zip(names, counts, strict=True))
 
 
-_MADE: "WeakKeyDictionary[Scene, tuple[tuple, PointMarks]]" = WeakKeyDictionary()
+_MADE: "WeakKeyDictionary[Scene, dict[tuple, PointMarks]]" = WeakKeyDictionary()
+_KEPT = 2
+"""Marks of a scene that are kept: those of the picture, and those of what is selected or exported beside it."""
 _MAKING = Lock()
 
 
@@ -85,16 +87,18 @@ def has_sets(edits: Edits) -> bool:
 def marks_of(scene: "Scene", edits: Edits) -> PointMarks | None:
     """The marks of a scene's points; None where edits have none, or the grid does not tell which records its points are.
 
-    Those made last are kept: a call for the same sets returns them.  From any thread.
+    Those asked for last are kept: a call for the same sets returns them.  From any thread.
     """
     if not has_sets(edits) or scene.records is None:
         return None
     key = edits.selection, edits.reclassified, tuple(region.points for region in hidden_regions(edits.regions))
     with _MAKING:
-        known = _MADE.get(scene)
-        if known is None or known[0] != key:
-            known = _MADE[scene] = key, _made(scene, edits)
-        return known[1]
+        known = _MADE.setdefault(scene, {})
+        marks = known.pop(key, None) or _made(scene, edits)
+        known[key] = marks  # the last one now
+        while len(known) > _KEPT:
+            del known[next(iter(known))]
+        return marks
 
 
 def _made(scene: "Scene", edits: Edits) -> PointMarks:

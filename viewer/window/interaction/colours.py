@@ -87,6 +87,8 @@ class Colours(Tool):
         if ui.begin_combo("##colour by", look.colour_by):
             for name, mode in COLOUR_BY.items():
                 why = self._missing[scene][name]
+                if mode.needs is Need.CLASSES and context.document.reclassified:
+                    why = None
                 ui.begin_disabled(why is not None)
                 if ui.selectable(name, name == look.colour_by)[0] and name != look.colour_by:
                     recolours = mode.value is not PointValue.COLOUR

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.text import coordinate, plain
+from ...grid.records.point_marks import HAS_CLASS, marks_of
 from ...picture.colour_modes import CLASSES
 from ...work.places.pick import Picked, is_quick, surface_around
 from ..kit import icons
@@ -27,15 +28,24 @@ def lines_of(picked: Picked, context: ToolContext) -> list[str]:
     lines = [f"x {coordinate(x)}   y {coordinate(y)}   z {coordinate(z)} {unit}", f"scan: {picked.station}"]
     if picked.intensity is not None:
         lines.append(f"intensity: {plain(picked.intensity)}")
-    if picked.classification is not None:
-        name = CLASSES.get(picked.classification, ("user-defined",))[0]
-        lines.append(f"class: {picked.classification} ({name})")
+    if (text := class_text(picked, context)) is not None:
+        lines.append(f"class: {text}")
     lines.append("colour: {}, {}, {}".format(*picked.rgb))
     lines.append(f"distance from the camera: {picked.distance:.3f} {unit}")
     if np.isfinite(around.spacing):
         lines.append(f"density: {around.density:,.0f} points/{unit}² (spacing {around.spacing:.4f} {unit})")
         lines.append(f"scatter from the local plane: {around.noise:.4f} {unit} (1 sigma)")
     return lines
+
+
+def class_text(picked: Picked, context: ToolContext) -> str | None:
+    """The class of a point, as the document has it and as its file does; None where it has none."""
+    own, scene = picked.classification, context.scene
+    marks = None if scene is None else marks_of(scene, context.session.work.shown_edits)
+    if marks is not None and (entry := int(marks.table[marks.of_point[picked.index]])) & HAS_CLASS:
+        code, file = entry & 255, "none in the file" if own is None else f"file: {own}"
+        return f"{code} {CLASSES.get(code, ('user-defined',))[0]} ({file})"
+    return None if own is None else f"{own} ({CLASSES.get(own, ('user-defined',))[0]})"
 
 
 def more_lines_of(picked: Picked) -> list[str]:

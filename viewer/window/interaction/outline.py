@@ -10,13 +10,16 @@ from dataclasses import dataclass, field
 @dataclass(frozen=True)
 class Row:
     """name: what it is called.  value: a few words in a second line.  about: the tooltip.  shown: whether it is drawn; None:
-    it has no eye.  chosen: whether the tool works on it."""
+    it has no eye.  chosen: whether the tool works on it.  aside: a number at the end of its line.  colour: sRGB of a swatch in
+    place of the group's icon."""
 
     name: str
     value: str = ""
     about: str = ""
     shown: bool | None = None
     chosen: bool = False
+    aside: str = ""
+    colour: tuple[int, int, int] | None = None
 
 
 @dataclass(frozen=True)

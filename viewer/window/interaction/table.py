@@ -15,13 +15,15 @@ from .notes.notes_tool import Notes
 from .registering.align_tool import Align
 from .scene_settings import SceneSettings
 from .section.section_tool import SectionTool
+from .selecting.select_tool import Select
 from .stations.stations_tool import Stations
 from .tool import Overlay, Tool
 from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, Notes, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film, SceneSettings,
+    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film,
+    SceneSettings,
 )  # fmt: skip
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 

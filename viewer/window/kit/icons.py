@@ -5,7 +5,7 @@ imgui-bundle ships the typeface; :class:`Theme` adds it to both fonts of the int
 
 FLY, INSPECT, MEASURE, CLIP = "\uf1d8", "\uf05b", "\uf545", "\uf1b2"
 SECTION, COLOURS, STATIONS, PROVENANCE = "\uf568", "\uf53f", "\uf21d", "\uf058"
-FILM, SCENE, NOTE, ALIGN = "\uf008", "\uf013", "\uf249", "\uf0b2"
+FILM, SCENE, NOTE, ALIGN, SELECT = "\uf008", "\uf013", "\uf249", "\uf0b2", "\uf5ee"
 """Of the tools."""
 HOME, FRAME, SIDES = "\uf015", "\uf065", "\uf1b3"
 """Of viewpoints: the start, the whole scene, from a side."""
@@ -14,6 +14,7 @@ SHOWN, HIDDEN, REMOVE = "\uf06e", "\uf070", "\uf00d"
 OUTLINER, INSPECTOR, OPEN, HELP, PROFILER = "\uf0ca", "\uf1de", "\uf07c", "\uf059", "\uf624"
 FOLD_LEFT, FOLD_RIGHT, EXPORT, NOTICE = "\uf100", "\uf101", "\uf56e", "\uf071"
 PHOTOGRAPH, VIEWPOINT, STATION = "\uf03e", "\uf02e", "\uf21d"
+REGION, CLASS = "\uf5ee", "\uf02b"
 """Of panels and rows."""
 
 USED = "".join(text for name, texts in list(globals().items()) if name.isupper() for text in texts)

@@ -71,6 +71,13 @@ class OverlayCanvas:
             (x0, y0), (x1, y1) = part
             self.draw_list.add_line(ImVec2(x0, y0), ImVec2(x1, y1), _shade(colour), self.theme.px(width))
 
+    def outline(self, pixels, colour: str = "accent", width: float = 1.5, *, closed: bool = True) -> None:
+        """Straight lines between positions of the picture, (N, 2) pixels."""
+        places = [ImVec2(*place) for place in (self._origin + np.asarray(pixels, np.float64) * self._scale).tolist()]
+        flags = imgui.ImDrawFlags_.closed if closed else imgui.ImDrawFlags_.none
+        for shade, strength in (("shade", width + 2.5), (colour, width)):
+            self.draw_list.add_polyline(places, _shade(shade), self.theme.px(strength), int(flags))
+
     def polygon(self, points, colour: str = "accent", alpha: float = 0.25) -> None:
         """A filled convex polygon of world points; not drawn where a corner is behind the camera."""
         places, _ = self.place(points)

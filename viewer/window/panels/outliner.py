@@ -6,9 +6,10 @@ Notices about the scan, with what can be done about them, are at the end.
 
 from pathlib import Path
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ...common.rigid_transform import motion_text
+from ...common.text import count_text
 from ...preprocess.scan_description import IN_MEMORY
 from ...work.scan_files import FilePart, files_of
 from ..interaction.outline import Group, Row
@@ -20,7 +21,7 @@ from ..kit.widgets import begin_docked, facts, heading, hint, icon_button, link,
 from ..session.panel_actions import Actions
 from ..session.session import Session
 from .job_list import draw_job_list
-from .status_bar import count_text, units_text
+from .status_bar import units_text
 
 _FILES = 8
 """Files that are listed without scrolling."""
@@ -180,8 +181,18 @@ def _row(group: Group, number: int, row: Row, style: Theme, *, marks: bool) -> N
     _menu(group, number, row)
     draw, pad = imgui.get_window_draw_list(), imgui.get_style().frame_padding.y
     inside = room - style.px(24)
-    draw.add_text(ImVec2(at.x + style.px(3), at.y + pad), packed(theme.DIM), group.icon)
+    if row.colour is None:
+        draw.add_text(ImVec2(at.x + style.px(3), at.y + pad), packed(theme.DIM), group.icon)
+    else:
+        side, top = style.px(12), at.y + 0.5 * (imgui.get_frame_height() - style.px(12))
+        red, green, blue = (level / 255 for level in row.colour)
+        draw.add_rect_filled(ImVec2(at.x + style.px(4), top), ImVec2(at.x + style.px(4) + side, top + side),
+                             packed(ImVec4(red, green, blue, 1.0)), style.px(2))
     name = ImVec2(at.x + style.px(24), at.y + pad)
+    if row.aside:
+        wide = imgui.calc_text_size(row.aside).x
+        draw.add_text(ImVec2(at.x + room - wide - style.px(4), at.y + pad), packed(theme.DIM), row.aside)
+        inside -= wide + style.px(8)
     draw.add_text(name, packed(theme.TEXT if row.shown is not False else theme.DIM), fitted(row.name, inside))
     if row.value:
         below = ImVec2(name.x, name.y + imgui.get_text_line_height())

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from ...common.text import count_text
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from ..flight.mouse import PRESETS
 from ..kit import theme
@@ -16,7 +17,6 @@ from ..session.panel_actions import Actions
 from ..session.recent import RecentScan, load_thumbnail, recent_scans
 from ..session.recovery import Recoverable
 from .mouse_choice import draw_mouse_choice
-from .status_bar import count_text
 
 if TYPE_CHECKING:
     import moderngl

@@ -5,19 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from ...common.text import count_text
 from ...preprocess.scan_description import ScanDescription
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, hint
 from ..session.session import Session
-
-
-def count_text(number: int) -> str:
-    """A count that is read at a glance: 950, 12.3 k, 1.04 M, 2.10 G."""
-    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
-        if number >= size:
-            return f"{number / size:.3g} {unit}" if number / size >= 100 else f"{number / size:#.3g} {unit}"
-    return str(number)
 
 
 def drawn_text(drawn: int, total: int, *, fewer: bool) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...commands.exporting.command import export
 from ...common.text import counted
+from ...picture.point_sets import PointSet
 from ...work.selection import Selection
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.worker import Worker
@@ -30,13 +31,17 @@ class PointsExport:
         self._out: Path | None = None
         self._losses: list[str] = []
 
-    def ask(self) -> None:
-        """Asks where the points are to be saved, and begins."""
+    def ask(self, only: PointSet | None = None, what: str = "") -> None:
+        """Asks where the points are to be saved, and begins.  only: of a region or a selection, which is called ``what``; None:
+        all that are in sight."""
         shown = self._session.shown_scan
         if self._session.scene is None or shown.preview:
             self._session.notices.toast("The points can be exported when all of them have been read")
         elif self.worker is not None:
             self._session.notices.toast("The last export is still under way")
+        elif only is not None:
+            name = f"{shown.title.split('.')[0] or 'points'} {what}.laz"
+            self._files.save("exports", f"Export the points of {what}", name, KINDS, lambda out: self.start(out, only))
         else:
             name = f"{shown.title.split('.')[0] or 'points'} part.laz" if self._left_out else f"{shown.title} copy.laz"
             self._files.save("exports", f"Export {self.what}", name, KINDS, self.start)
@@ -52,18 +57,20 @@ class PointsExport:
         """What would be exported now, in words."""
         return "the points in sight" if self._left_out else "all points"
 
-    def start(self, out: Path) -> None:
-        """Exports to ``out``, which may be replaced."""
+    def start(self, out: Path, only: PointSet | None = None) -> None:
+        """Exports to ``out``, which may be replaced.  only: as for :meth:`ask`."""
         session, document = self._session, self._session.document
         if session.scene is None:
             return
         scene = replace(session.scene, meta=session.facts)
-        selection = Selection.in_sight(scene, document)
+        # a region that is exported by name need not be shown
+        regions = tuple(region for region in document.regions if only is None or region.points != only)
+        edits = replace(document.edits, regions=regions)
         self._out, self._losses = out, []
 
         def work() -> int:
             with name_kept(out):
-                return export(selection, out, note=self._losses.append)
+                return export(Selection.in_sight(scene, edits, only=only), out, note=self._losses.append)
 
         self.worker = Worker(work, f"Exporting {out.name}", session.loads.wake)
 

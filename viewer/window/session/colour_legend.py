@@ -26,7 +26,7 @@ def shown_legend(session: "Session") -> Legend | None:
     if scene is None or not look.recolours or not set(session.screen.drawn) <= set(POINT_VIEWS):
         return None
     if COLOUR_BY[look.colour_by].legend != "ramp":
-        return _listed(look.colour_by, scene)
+        return _listed(look.colour_by, scene, {change.code for change in session.document.reclassified})
     mode = COLOUR_BY[look.colour_by]
     low, high = ends_of(session.document, scene, session.camera)
     unit = f" {unit_name(session.work.facts(scene.meta).metres_per_unit)}"
@@ -35,12 +35,13 @@ def shown_legend(session: "Session") -> Legend | None:
     return Legend(mode.text, ramp=colours_of(look.colour_by, look.ramp), low=f"{low:.4g}{unit}", high=f"{high:.4g}{unit}")
 
 
-def _listed(colour_by: str, scene: "Scene") -> Legend:
-    """Of classes or stations, the first of them where there are many."""
+def _listed(colour_by: str, scene: "Scene", given: set[int]) -> Legend:
+    """Of classes or stations, the first of them where there are many.  given: classes that points have in the document."""
     mode, colours = COLOUR_BY[colour_by], category_colours(colour_by)
     if mode.legend == "stations":
         named = [(number, station_name(scene, number)) for number in range(min(max(len(scene.meta.scans), 1), 256))]
     else:
-        named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.attributes.classes]
+        named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}")
+                 for code in sorted({*scene.attributes.classes, *given})]
     title = mode.text + (f" (first {_MOST_ROWS} of {len(named)})" if len(named) > _MOST_ROWS else "")
     return Legend(title, [(tuple(int(c) for c in colours[number]), name) for number, name in named[:_MOST_ROWS]])  # type: ignore[misc]

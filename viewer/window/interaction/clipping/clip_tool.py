@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""
-_EDGES = [(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1]
+EDGES = [(i, i | 1 << k) for i in range(8) for k in range(3) if not i >> k & 1]
+"""Of a box: numbers of the two corners of each."""
 _MARGIN = 0.01
 """Of the scan's extent along an axis: how far a new box reaches beyond it."""
 _LEAST = 1e-4
@@ -105,7 +106,7 @@ class ClipOutlines(Overlay):
             colour = "bad" if clip.removes else "accent"
             if isinstance(clip, Box):
                 corners = clip.corners
-                for a, b in _EDGES:
+                for a, b in EDGES:
                     overlay.line(corners[a], corners[b], colour, 1.5)
             else:
                 for square in slab_outline(clip, extent_of(context)):
