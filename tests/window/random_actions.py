@@ -22,6 +22,7 @@ import numpy as np
 from driver import Driver, middle
 
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.interaction.tool import Modifiers
 
 INTERVALS = 10
 WARM = INTERVALS // 2
@@ -137,9 +138,9 @@ class Monkey:
         d.app.input.on_button(d.app.window, button, d.glfw.RELEASE, mods)
 
     def wheel(self) -> None:
-        self.d.app.input._note_modifiers(self._pick((0, self.d.glfw.MOD_CONTROL)))
+        self.d.app.input._modifiers = Modifiers(control=self._pick((False, True)))
         self.d.app.input.on_scroll(self.d.app.window, 0.0, float(self.rng.integers(-3, 4)))
-        self.d.app.input._note_modifiers(0)
+        self.d.app.input._modifiers = Modifiers()
 
     def fly(self) -> None:
         d, key = self.d, getattr(self.d.glfw, f"KEY_{self._pick('WASDEQ')}")

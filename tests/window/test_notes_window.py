@@ -37,10 +37,8 @@ def texts(of) -> list[str]:
 
 
 def written(window, of, text: str) -> None:
-    """A click writes a note and its text takes the keys, without another click."""
+    """A click writes a note and its text takes the keys, without another click, and those typed before it is there."""
     window.click(600, 420)
-    until(lambda: "•" in window.title, "the note")
-    time.sleep(1.0)
     window.xdo("type", "--delay", "12", text)
     until(lambda: texts(of) == [text], f"the text; there is {texts(of)}")
 

@@ -145,6 +145,7 @@ class Tool:
     cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
     takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
     picks: whether a click asks what lies under the pointer: it then waits until the picture is at rest.
+    writes: whether a click begins a text.  text_coming: whether that text is about to take the keys.
     wanted: what it had begun was restored, or something of it was chosen in the outliner: it is to be selected.
     answering: whether what a click makes of the document is still being worked out.
     """
@@ -157,6 +158,8 @@ class Tool:
     cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
     takes_clicks = False
     picks = False
+    writes = False
+    text_coming = False
     wanted = False
     answering = False
 

@@ -54,6 +54,11 @@ class Toolbox:
         return bool(self._waiting) or any(tool.answering for tool in self.tools)
 
     @property
+    def text_coming(self) -> bool:
+        """Whether a click is about to begin a text: what is typed now is for it."""
+        return self.active.writes and (bool(self._waiting) or self.active.text_coming)
+
+    @property
     def workers(self) -> "list[Worker]":
         """Work of the tools that is under way."""
         return [worker for tool in self.tools for worker in tool.workers if worker is not None and not worker.finished]

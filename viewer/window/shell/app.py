@@ -214,7 +214,7 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session, message = self.glfw, self.session, self.session.notices.message
-        self.input.after_typing.follow(drawn=min(session.area.window_size) > 0)
+        self.input.follow(drawn=min(session.area.window_size) > 0)
         arriving = self.viewport.note_arrivals()
         reading = self.viewport.pixels.waiting
         if self.viewport.finish_network():

@@ -9,13 +9,15 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from ..interaction.controls import Control, by_chord, by_key
+from ..interaction.controls import Control
 from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, ToolContext
 from ..interaction.toolbox import Toolbox
 from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping
+from .keyboard import Keyboard
 from .list_keys import list_is_open
+from .text_ahead import TextAhead
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme
@@ -48,23 +50,16 @@ class Host(Protocol):
 
 
 class Input:
-    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds.
-    after_typing: actions that wait until imgui has taken what was typed before."""
+    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds.  keyboard: its keys.
+    after_typing: actions that wait until imgui has taken what was typed before.  text_ahead: keys for a text to come."""
 
     def __init__(self, host: Host, clock: Callable[[], float] = perf_counter):
         self._host, self._clock = host, clock
         self.pointer = (0.0, 0.0)
         self.after_typing = AfterTyping(host.imgui)
+        self.text_ahead = TextAhead(host.imgui, self.after_typing)
         glfw = host.glfw
-        self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in by_key().items()}
-        self._chords = by_chord()
-        self._key_names = {
-            value: name.removeprefix("KEY_") for name, value in vars(glfw).items() if name.startswith("KEY_")
-        }  # fmt: skip
-        self._modifier_keys: dict[int, int] = {
-            getattr(glfw, f"KEY_{side}_{name}"): getattr(glfw, f"MOD_{name}")
-            for side in ("LEFT", "RIGHT") for name in ("SHIFT", "CONTROL", "ALT")
-        }  # fmt: skip
+        self.keyboard = Keyboard(glfw)
         self._buttons: dict[int, Literal["left", "right", "middle"]] = {
             glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_RIGHT: "right", glfw.MOUSE_BUTTON_MIDDLE: "middle",
         }  # fmt: skip
@@ -95,14 +90,24 @@ class Input:
 
     def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
         host = self._host
-        glfw, imgui = host.glfw, host.imgui
+        glfw = host.glfw
         host.wake()
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
-        self._note_modifiers(mods, key, action)
+        self._modifiers = self.keyboard.modifiers(mods, key, action)
+        give = partial(self._give_key, key, scancode, action, mods)
+        chord = bool(mods & glfw.MOD_CONTROL)
+        if chord or not self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
+                                                  host.toolbox.text_coming, give):
+            give()
+
+    def _give_key(self, key: int, scancode: int, action: int, mods: int) -> None:
+        """Gives a key to imgui, and to what else it is for."""
+        host = self._host
+        glfw, imgui = host.glfw, host.imgui
         clicked = self.after_typing.behind_click
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
-        name, chord = self._chord(key, scancode, action, mods)
+        name, chord = self.keyboard.chord(key, scancode, action, mods)
         if chord is not None and chord.everywhere:
             if action == glfw.PRESS:
                 self.after_typing.do(partial(host.act, chord.action))
@@ -118,7 +123,7 @@ class Input:
         host = self._host
         glfw = host.glfw
         typing = host.imgui.get_io().want_text_input or host.asking
-        control = self._by_key.get(key)
+        control = self.keyboard.controls.get(key)
         if chord is None and control is not None and control.kind in ("hold", "modifier"):  # Z of a French keyboard lies on W
             if action == glfw.RELEASE:
                 host.session.flight.held.discard(control.action)
@@ -140,30 +145,15 @@ class Input:
         if control is not None and action == glfw.PRESS and not mods & glfw.MOD_CONTROL:
             host.act(control.action)
 
-    def _chord(self, key: int, scancode: int, action: int, mods: int) -> tuple[str, Control | None]:
-        """The name of a key and, where it is pressed or repeated, the chord that it makes with the keys held.
-
-        With Ctrl a letter is named as this keyboard prints it, where it prints a Latin one; else by its place.
-        """
-        glfw, name = self._host.glfw, self._key_names.get(key, "")
-        if not mods & glfw.MOD_CONTROL:
-            return name, None
-        printed = (glfw.get_key_name(key, scancode) or "").upper()
-        if len(printed) == 1 and "A" <= printed <= "Z":
-            name = printed
-        if action == glfw.RELEASE or mods & (glfw.MOD_ALT | glfw.MOD_SUPER):
-            return name, None
-        return name, self._chords.get(f"CTRL_{'SHIFT_' if mods & glfw.MOD_SHIFT else ''}{name}")
-
     def on_char(self, _window, character: int) -> None:
-        self._host.imgui.backends.glfw_char_callback(self._host.address, character)
+        give = partial(self._host.imgui.backends.glfw_char_callback, self._host.address, character)
+        if not self.text_ahead.keeps_character(self._host.toolbox.text_coming, give):
+            give()
 
-    def _note_modifiers(self, mods: int, key: int | None = None, action: int = 0) -> None:
-        """mods: GLFW's.  key, action: the key whose event it is; X11 leaves a modifier out of the event of its own key."""
-        glfw = self._host.glfw
-        own = self._modifier_keys.get(key, 0) if key is not None else 0
-        mods = mods & ~own if action == glfw.RELEASE else mods | own
-        self._modifiers = Modifiers(bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL), bool(mods & glfw.MOD_ALT))
+    def follow(self, *, drawn: bool) -> None:
+        """Called in every turn of the loop.  drawn: as of AfterTyping."""
+        self.text_ahead.follow(self._host.toolbox.text_coming)
+        self.after_typing.follow(drawn=drawn)
 
     # -- pointer -----------------------------------------------------------------------------------------------------
 
@@ -215,7 +205,7 @@ class Input:
         host.wake()
         if action == glfw.PRESS:
             session.flight.stop_glide()
-        self._note_modifiers(mods)
+        self._modifiers = self.keyboard.modifiers(mods)
         over_interface = self._over_interface
         if action == glfw.RELEASE:
             self._held.discard(button)
@@ -307,10 +297,3 @@ class Input:
     def on_scale(self, _window, _x: float, _y: float) -> None:
         self._host.theme.rescale(self._host.interface_scale())
         self._host.wake()
-
-    def key_name(self, control: Control) -> str:
-        """What this keyboard prints on a letter's key; the table's name otherwise."""
-        if len(control.name) != 1 or not control.name.isalpha():
-            return control.name
-        key = getattr(self._host.glfw, f"KEY_{control.keys[0]}")
-        return (self._host.glfw.get_key_name(key, 0) or control.name).upper()

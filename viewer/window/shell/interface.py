@@ -87,7 +87,7 @@ def _draw(app: Host, *, shown: bool) -> None:
             hud.draw_recording(session, look)
             hud.draw_lost(session, app.actions, look)
     hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
-    dialogs.draw_help(session, look, app.input.key_name)
+    dialogs.draw_help(session, look, app.input.keyboard.printed)
     dialogs.draw_load(session, app.actions, look)
     message = session.notices.message is not None
     app.missing_scans.draw(app, look, covered=message or app.files.choice is not None)

@@ -53,6 +53,11 @@ class NoteFields:
         """The text takes the keys from the next frame on."""
         self._asks, self._active = _ASKS, False
 
+    @property
+    def asks(self) -> bool:
+        """Whether the text asks for the keys, or has just got them."""
+        return self._asks > 0
+
     def follow(self, context: ToolContext, note: Annotation | None) -> None:
         """Reads the attached picture of the note that is shown, on a thread; only of that one."""
         self.viewer.follow()

@@ -35,7 +35,7 @@ class Notes(Tool):
     name, label, icon, key = "notes", "Notes", icons.NOTE, "L"
     help = "notes at measured points: text, status, link, picture; report"
     cursor = "crosshair"
-    takes_clicks = picks = True
+    takes_clicks = picks = writes = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()
@@ -62,6 +62,10 @@ class Notes(Tool):
         edit(context, "Write a note", annotations=(*notes, note))
         self.choose(len(notes), typing=True)
         return False
+
+    @property
+    def text_coming(self) -> bool:
+        return self._fields.asks
 
     def _arrived(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
         """The place in the file of a picked point is there, as in Measure."""
