@@ -45,7 +45,8 @@ def check_rigid(rows: Rows, what: str) -> None:
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or np.abs(matrix[:3, 3]).max() > _FARTHEST:
         raise InputError(f"{what}: expected 4 rows of 4 finite numbers")
     rotation = matrix[:3, :3]
-    wrong = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers whose squares are not finite
+        wrong = float(np.nan_to_num(np.abs(rotation @ rotation.T - np.eye(3)), nan=np.inf).max())
     if wrong > TOLERANCE or np.abs(matrix[3] - IDENTITY[3]).max() > 0.0 or np.linalg.det(rotation) < 0:
         raise InputError(f"{what}: is not rigid (a rotation and a shift, last row 0 0 0 1; off by {wrong:.2g})")
 
