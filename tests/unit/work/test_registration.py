@@ -246,5 +246,5 @@ def test_small_helpers_of_transformations(seed):
     np.testing.assert_allclose(rotation_between(a, b) @ a / np.linalg.norm(a), b / np.linalg.norm(b), atol=1e-12)
     np.testing.assert_allclose(rotation_between(a, -a) @ a, -a, atol=1e-12)
     for wrong in (np.diag([1.0, 1, -1, 1]), np.diag([1.001, 1, 1, 1]), np.full((4, 4), np.nan), np.diag([1e200, 1, 1, 1])):
-        with pytest.raises(InputError, match="what"):
+        with pytest.raises(InputError, match="what"), np.errstate(all="raise"):
             check_rigid(rows_of(wrong), "what")
