@@ -77,6 +77,46 @@ export class DepthMap {
     return z === 0 ? Infinity : z / scale;
   }
 
+  // Pixels between the scan's points, at view-space depth z.
+  private between(spacing: number, z: number): number {
+    return spacing / ((2 / this.full) * this.stride * Math.max(z, 1e-9));
+  }
+
+  // Of each pixel of a face 255 where a measured one is so near that a surface can be measured, else 0.  Distances are those of
+  // a chamfer (3, 4), at most 6 % from the true ones.
+  reaches(face: number, spacing: number): Uint8Array<ArrayBuffer> {
+    const { side, count } = this, base = face * count;
+    const away = new Uint16Array(count).fill(30000);
+    for (let i = 0; i < count; i++) if (this.measured[base + i]) away[i] = 0;
+    for (const sign of [1, -1]) {
+      for (let step = 0; step < count; step++) {
+        const i = sign > 0 ? step : count - 1 - step, column = i % side;
+        const beside = i - sign, above = i - sign * side;
+        const starts = sign > 0 ? column > 0 : column < side - 1, ends = sign > 0 ? column < side - 1 : column > 0;
+        let least = away[i];
+        if (starts) least = Math.min(least, away[beside] + 3);
+        if (above >= 0 && above < count) {
+          least = Math.min(least, away[above] + 3);
+          if (starts) least = Math.min(least, away[above - sign] + 4);
+          if (ends) least = Math.min(least, away[above + sign] + 4);
+        }
+        away[i] = least;
+      }
+    }
+    const out = new Uint8Array(count);
+    for (let i = 0; i < count; i++) if (away[i] <= 3 * this.snap(this.between(spacing, this.depthOf(base + i)))) out[i] = 255;
+    return out;
+  }
+
+  // Pixels up to which a measured pixel counts as hit.  wide: pixels between points.
+  private snap(wide: number): number {
+    return Math.min(Math.max(SNAP * wide, 2.5), this.reach(wide));
+  }
+
+  private reach(wide: number): number {
+    return Math.round(Math.min(Math.max(SPACINGS * wide, WINDOW[0]), WINDOW[1]));
+  }
+
   ray(face: number, column: number, row: number): Vector {
     const { forward, right, up } = FACES[face];
     const a = this.at(column), b = -this.at(row);
@@ -94,9 +134,8 @@ export class DepthMap {
   surface(ray: Vector, pixel: number, spacing: number): Surface | null {
     const { face, x, y, scale } = this.locate(ray);
     const base = face * this.count;
-    const wide = spacing / ((2 / this.full) * this.stride * Math.max(this.distance(ray) * scale, 1e-9)); // pixels between points
-    const reach = Math.round(Math.min(Math.max(SPACINGS * wide, WINDOW[0]), WINDOW[1]));
-    let nearest = -1, best = Math.min(Math.max(SNAP * wide, 2.5), reach) ** 2;
+    const wide = this.between(spacing, this.distance(ray) * scale), reach = this.reach(wide);
+    let nearest = -1, best = this.snap(wide) ** 2;
     const cx = Math.round(x), cy = Math.round(y), side = this.side;
     const inside = (c: number, r: number) => c >= 0 && r >= 0 && c < side && r < side;
     for (let r = cy - reach; r <= cy + reach; r++)

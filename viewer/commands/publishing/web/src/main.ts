@@ -94,6 +94,7 @@ function later(view: View, measuring: Measuring): void {
   window.setTimeout(async () => {
     if (view.place !== place) return;
     if (measuring.on) await view.visits.finest(place);
+    if (view.tint) await view.visits.masks(place);
     if (view.second >= 0) await view.visits.other(place);
     await view.visits.prepare(place.index);
     for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.prepare(index);
@@ -113,10 +114,12 @@ function tools(view: View, measuring: Measuring): void {
     const on = document.body.classList.toggle("planned");
     toggle("map", on);
   });
-  press("tint", () => {
-    view.tint = view.tint ? 0 : 1;
-    toggle("tint", view.tint > 0);
-    if (view.tint) say("Pink: filled in, nothing was measured there.");
+  press("tint", async () => {
+    const on = !view.tint;
+    toggle("tint", on);
+    if (on) say("Pink: filled in, nothing was measured there.");
+    if (on) await view.visits.masks(view.place);
+    view.tint = on ? 1 : 0;
     view.redraw();
   });
   press("share", async () => {

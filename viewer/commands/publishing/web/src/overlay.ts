@@ -119,7 +119,7 @@ export class Overlay {
       }
       const [a, b] = this.clipped(made);
       if (!a || !b) continue;
-      for (const kind of ["under", "over"]) {
+      for (const kind of ["over", "under"]) {
         const line = document.createElementNS(SVG, "line");
         line.setAttribute("class", kind);
         line.setAttribute("x1", a.x.toFixed(1));

@@ -61,9 +61,10 @@ export function textureOf(image: ImageBitmap | HTMLImageElement): Texture {
   return texture;
 }
 
-export function maskTextures(depth: DepthMap): DataTexture[] {
+// White where a surface can be measured (DepthMap.reaches).
+export function maskTextures(depth: DepthMap, spacing: number): DataTexture[] {
   return FACES.map((_, face) => {
-    const bits = depth.measured.subarray(face * depth.count, (face + 1) * depth.count).map((bit) => 255 * bit);
+    const bits = depth.reaches(face, spacing);
     const texture = new DataTexture(bits, depth.side, depth.side, RedFormat, UnsignedByteType);
     texture.minFilter = texture.magFilter = NearestFilter;
     texture.unpackAlignment = 1;
@@ -95,14 +96,14 @@ function cubeFace(face: number, reach: number): BufferGeometry {
 // A face displaced by its depth; cells that span two surfaces are in the second group.
 function depthFace(depth: DepthMap, face: number, background: number): BufferGeometry {
   const n = GRID + 1, side = depth.side;
-  const positions = new Float32Array(n * n * 3), inverse = new Float32Array(n * n);
+  const positions = new Float32Array(n * n * 3), inverse = new Float32Array(n * n); // inverse: 0 where nothing is
   const { forward, right, up } = FACES[face];
   for (let row = 0, i = 0; row < n; row++)
     for (let column = 0; column < n; column++, i++) {
       const a = (2 * column) / GRID - 1, b = 1 - (2 * row) / GRID;
       const c = Math.min(Math.floor((column / GRID) * side), side - 1), r = Math.min(Math.floor((row / GRID) * side), side - 1);
-      const z = depth.depthOf(face * depth.count + r * side + c) || background;
-      inverse[i] = 1 / z;
+      const found = depth.depthOf(face * depth.count + r * side + c), z = found || background;
+      inverse[i] = found ? 1 / found : 0;
       for (let k = 0; k < 3; k++) positions[3 * i + k] = z * (forward[k] + a * right[k] + b * up[k]);
     }
   const solid: number[] = [], torn: number[] = [];
@@ -111,6 +112,7 @@ function depthFace(depth: DepthMap, face: number, background: number): BufferGeo
       const i = row * n + column;
       const low = Math.min(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
       const high = Math.max(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
+      if (low === 0 && high > 0) continue; // the outline of what is before nothing: stretched, it would reach to the horizon
       (high - low > TORN * high ? torn : solid).push(i, i + n, i + 1, i + 1, i + n, i + n + 1);
     }
   const geometry = new BufferGeometry();
@@ -151,7 +153,7 @@ class Layer {
     this.materials.forEach((material, face) => {
       material.uniforms.first.value = textures.first[face];
       material.uniforms.second.value = (textures.second ?? textures.first)[face];
-      material.uniforms.measured.value = textures.measured[face];
+      material.uniforms.measured.value = textures.measured[face] ?? textures.first[face];
     });
   }
 
@@ -201,6 +203,7 @@ export class Panorama {
   constructor(readonly canvas: HTMLCanvasElement, metre: number) {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
+    this.renderer.setClearColor(0x17191d); // as what is behind pictures (viewer.picture.background.PLAIN)
     this.here = new Layer(metre, true);
     this.over = new Layer(metre, false);
     this.scene.add(this.here.group);

@@ -38,7 +38,7 @@ export class Visits {
   // Makes a place ready to be gone to, or from, at once.
   async prepare(index: number): Promise<void> {
     const place = await this.get(index);
-    await this.upload([...place.textures.first, ...place.textures.measured]);
+    await this.upload(place.textures.first);
     meshesOf(place.textures, place.depth);
   }
 
@@ -62,7 +62,6 @@ export class Visits {
     ]);
     place.textures.first = images.map(textureOf);
     place.depth = depth;
-    place.textures.measured = maskTextures(depth);
     return place;
   }
 
@@ -89,15 +88,19 @@ export class Visits {
     })());
   }
 
+  // Where it was measured, as textures.
+  async masks(place: LoadedPlace): Promise<void> {
+    await this.finest(place);
+    if (place.textures.measured.length) return;
+    place.textures.measured = maskTextures(place.depth, this.scene.spacing);
+    this.changed(place);
+  }
+
   // The whole depth, to measure on.
   finest(place: LoadedPlace): Promise<void> {
     return (place.exact ??= (async () => {
       const data = await loadPart(place.index, "depth");
       place.depth = await DepthMap.decode(data.depth!, this.scene.places[place.index], this.scene.small, 1);
-      const before = place.textures.measured;
-      place.textures.measured = maskTextures(place.depth);
-      this.changed(place);
-      for (const texture of before) texture.dispose();
     })());
   }
 }
