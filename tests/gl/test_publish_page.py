@@ -47,7 +47,8 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         page.until("document.body && document.body.classList.contains('ready')")
         colours = page.value("(() => { const { panorama } = window.pointglass, made = document.createElement('canvas');"
                              "made.width = 64; made.height = 36; panorama.draw(-1, 0, 0); const pen = made.getContext('2d');"
-                             "pen.drawImage(panorama.canvas, 0, 0, 64, 36); return [...pen.getImageData(0, 0, 64, 36).data]; })()")
+                             "pen.drawImage(panorama.canvas, 0, 0, 64, 36);"
+                             "return [...pen.getImageData(0, 0, 64, 36).data]; })()")
         assert np.ptp(np.reshape(colours, (-1, 4))[:, :3]) > 60  # a picture, not one colour
 
         page.key("m")
