@@ -65,7 +65,7 @@ def _open_scans(folder: Path) -> None:
 
 
 def _draw_and_point() -> None:
-    """A plan as ``section`` draws it, and the point under the pointer as the window finds it."""
+    """A plan as ``section`` draws it, the point under the pointer as the window finds it, and a selection."""
     import numpy as np
 
     from .commands.demo import demo_scan
@@ -74,9 +74,12 @@ def _draw_and_point() -> None:
     from .grid.open_scene import open_scene
     from .grid.scene import unpack
     from .picture.camera import from_fov
-    from .picture.clip import vector
+    from .picture.clip import box_around, vector
+    from .picture.edits import NO_EDITS
     from .work.fits.fit import fit_at
     from .work.places.pick import pick, surface_around
+    from .work.selecting.connected_region import connected_region
+    from .work.selecting.select_points import by_outline, combined, in_box
     from .work.selection import Selection
 
     scene = open_scene(demo_scan())
@@ -86,6 +89,11 @@ def _draw_and_point() -> None:
     pose[:3, 3] = middle
     pick(scene, from_fov(64, 48, 60.0, pose), np.ones((48, 64), bool), np.ones((48, 64), np.float32), (32.0, 24.0))
     surface_around(scene, middle)
+    camera = from_fov(64, 48, 60.0, pose)
+    hits = by_outline(scene, camera, np.array([(10.0, 10.0), (50.0, 10.0), (30.0, 40.0)]))
+    in_box(scene, box_around(*scene.bounds))
+    combined(scene, NO_EDITS, hits, "new")
+    connected_region(Selection(scene), middle, smooth=True)
     with contextlib.suppress(PointglassError):  # whatever lies there: its loops have run
         fit_at(scene, vector(unpack(scene, slice(0, 1))[0][0]), "plane")
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ..commands.exporting.command import export
 from ..common.errors import InputError
 from ..picture.clip import Clip, box_around
+from ..picture.regions import LAST_CLASS
 from ..work.selection import Selection
 
 if TYPE_CHECKING:
@@ -22,11 +23,11 @@ _log = logging.getLogger(__name__)
 
 
 def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
-                  all_columns: bool, reproject: str | None) -> int:
+                  all_columns: bool, reproject: str | None, classes: Iterable[int] | None = None) -> int:
     """See Scan.export."""
     if exposures not in ("as-scanned", "matched"):
         raise InputError("expected as-scanned or matched", option="exposures", value=exposures)
-    selection = Selection(scene, within=_boxes(clip), hidden=_hidden(scene, stations))
+    selection = Selection(scene, within=_boxes(clip), hidden=_hidden(scene, stations), classes=_codes(classes))
 
     def note(text: str) -> None:
         _log.warning("%s: %s", path, text)
@@ -48,6 +49,19 @@ def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:
     if not (boxes[:, 1] > boxes[:, 0]).all():
         raise InputError(f"clip {clip!r}: each maximum must be greater than its minimum")
     return tuple(box_around(boxes[n, 0], boxes[n, 1], "clip") for n in range(len(boxes)))
+
+
+def _codes(classes: Iterable[int] | None) -> frozenset[int] | None:
+    """The classes that are written."""
+    if classes is None:
+        return None
+    try:
+        found = frozenset(int(code) for code in np.asarray(list(classes), np.int64))
+    except (TypeError, ValueError):
+        found = frozenset()
+    if not found or not all(0 <= code <= LAST_CLASS for code in found):
+        raise InputError(f"expected codes from 0 to {LAST_CLASS}, such as [2, 6]", option="classes", value=classes)
+    return found
 
 
 def _hidden(scene: Scene, stations: Iterable[int] | None) -> frozenset[int]:

@@ -186,6 +186,7 @@ class Scan:
 
     def export(
         self, path: PathLike, *, clip: npt.ArrayLike | None = None, stations: Iterable[int] | None = None,
+        classes: Iterable[int] | None = None,
         exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False, reproject: str | None = None,
     ) -> int:  # fmt: skip
         """Writes measured points as a LAS, LAZ, PLY or E57 file, by its ending; returns how many.  ``pointglass export`` too.
@@ -193,15 +194,16 @@ class Scan:
         The scan's files are read again and whole records are copied: every attribute, and the colours of the file.  What the
         format cannot hold is reported in one line to ``logging``, as a warning.  An existing file is replaced, in one step.
         clip: (2, 3) lowest and highest corner in file coordinates, such as ``scan.bounds``, or (B, 2, 3) boxes that add up.
-        stations: rows of :attr:`stations` whose points are written; None: all.  exposures: matched writes the colours as they
-        are drawn.  all_columns: PLY: also columns besides coordinates, colour, intensity, scan and class.
+        stations: rows of :attr:`stations` whose points are written; None: all.  classes: codes of LAS likewise.
+        exposures: matched writes the colours as they are drawn.  all_columns: PLY: also columns besides coordinates, colour,
+        intensity, scan and class.
         reproject: an EPSG code, "EPSG:25832", into whose coordinates the points are transformed; "auto": the UTM zone.
         Raises InputError naming the argument; then nothing is left behind.
         """
         from .export_points import export_points
 
         with python_names():
-            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject)
+            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject, classes)
 
     def fit(self, position: npt.ArrayLike, kind: Literal["plane", "pipe", "circle"] = "plane") -> Fit:
         """The surface of a kind at a place on the scan, from all of it that is measured, with its uncertainty at 95 %.

@@ -14,7 +14,7 @@ from .clip import Clip, Vector, active
 from .json_values import UNLESS_DEFAULT
 from .look import Look
 from .point_sets import NO_POINTS, PointSet
-from .regions import LAST_CLASS, ClassChange, Region, hidden_regions
+from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
 
 GHOSTS = ("shown", "dimmed", "hidden")
@@ -60,6 +60,12 @@ class Edits:
             raise InputError(f"expected one of {', '.join(GHOSTS)}", option="ghosts", value=self.ghosts)
         if not all(0 <= code <= LAST_CLASS for code in self.hidden_classes):
             raise InputError(f"hidden classes {list(self.hidden_classes)}: expected numbers from 0 to {LAST_CLASS}")
+
+        given = [change.code for change in self.reclassified]
+        if len(set(given)) != len(given):
+            raise InputError(f"classes {given} given to points: each has one entry")
+        if len(given) > MOST_CHANGES:
+            raise InputError(f"points are given {len(given)} classes: {MOST_CHANGES} can be at once")
 
     @property
     def none(self) -> bool:

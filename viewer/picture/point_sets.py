@@ -34,7 +34,7 @@ class FileRuns:
     records: int
     runs: bytes
 
-    @cached_property
+    @property
     def lengths(self) -> np.ndarray:
         """(k,) int64, k even.  Raises InputError where the runs are damaged."""
         unpacker = zlib.decompressobj()
@@ -45,7 +45,8 @@ class FileRuns:
             raw, complete = b"", False
         if complete and len(raw) % 16 == 0:
             found = np.frombuffer(raw, "<u8")
-            if not len(found) or (found.max() <= self.records and found.astype(np.float64).sum() <= self.records):
+            whole = not len(found) or (found.max() <= self.records and found.astype(np.float64).sum() <= self.records)
+            if whole and (found[1:] > 0).all():
                 return found.astype(np.int64)
         raise InputError(f"the set of points of {self.name} is damaged")
 
@@ -66,9 +67,8 @@ class FileRuns:
 
     def fill(self, mask: np.ndarray) -> None:
         """Sets the records inside in ``mask``, (records,) bool of False."""
-        ends = np.cumsum(self.lengths)
-        inside = np.repeat(np.arange(len(self.lengths)) % 2 == 1, self.lengths)
-        mask[: int(ends[-1]) if len(ends) else 0] = inside
+        lengths = self.lengths
+        mask[: int(lengths.sum())] = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths)
 
 
 @dataclass(frozen=True)

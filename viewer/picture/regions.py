@@ -11,6 +11,9 @@ from .point_sets import PointSet
 LAST_CLASS = 255
 """Of LAS 1.4, point formats 6 to 10; earlier formats have classes up to 31."""
 
+MOST_CHANGES = 126
+"""Classes that points can be given at once: each takes two of the 256 marks of a point, selected or not."""
+
 
 @dataclass(frozen=True)
 class Region:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..common.errors import InputError
 from ..common.progress import progress
-from ..grid.records.point_marks import file_keys, has_sets, marks_of
+from ..grid.records.point_marks import file_keys, marks_of
 from ..picture.clip import Clip, active, box_around, contains, may_contain
 from ..picture.edits import Edits
 from ..picture.point_sets import PointSet
@@ -59,15 +59,13 @@ class Selection:
     @staticmethod
     def in_sight(scene: "Scene", edits: Edits, within: tuple[Clip, ...] = (), *, classes: frozenset[int] | None = None,
                  only: PointSet | None = None) -> "Selection":
-        """What a person sees of a scene with these edits.  only: of these points; None: of all.  Raises InputError where single
-        points are hidden or classified, and the grid does not tell which of the file these are."""
+        """What a person sees of a scene with these edits.  only: of these points; None: of all.  Where the grid does not tell
+        which records its points are, sets of points do nothing; point_marks.check_sets raises an error there."""
         marked = edits
         if only is not None:
             files = file_keys(scene)
             rest = Region("", PointSet.of(~only.mask(files), files), shown=False)
             marked = replace(edits, regions=(*edits.regions, rest))
-        if has_sets(marked):
-            file_keys(scene)
         return Selection(scene, edits.clips, within, scene.hidden_stations(edits), frozenset(edits.hidden_classes), classes,
                          marks_of(scene, marked))
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from las_files import WAVEFORMS, random_las
 
+import pointglass
 from pointglass.viewer.cli import main
 from pointglass.viewer.picture.point_sets import PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
@@ -93,3 +94,25 @@ def test_bad_options_are_refused_in_a_line(tmp_path, seed, capfd):
     write_project(tmp_path / "high.pointglass", Document((ScanFile(str(path)),), reclassified=(high,)))
     assert main(["export", str(tmp_path / "high.pointglass"), "--out", str(tmp_path / "out.las"), "--no-cache"]) == 2
     assert "0 to 31" in capfd.readouterr().err and not (tmp_path / "out.las").exists()
+
+
+def test_a_set_of_another_file_does_nothing_and_a_line_says_so(tmp_path, seed, capfd):
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=1, count=100)
+    project, *_ = project_of(tmp_path, path, np.random.default_rng(seed))
+    random_las(path, seed + 1, point_format=1, count=101)
+    assert main(["export", str(project), "--out", str(tmp_path / "out.las"), "--no-cache"]) == 0
+    assert "another number of points now" in capfd.readouterr().err
+    assert raw(tmp_path / "out.las").tobytes() == raw(path).tobytes()
+
+
+def test_python_exports_classes(tmp_path, seed):
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=6, count=2000)
+    classes = np.array(laspy.read(path).classification)
+    with pointglass.open(path, cache=False) as scan:
+        count = scan.export(tmp_path / "out.las", classes=[2, 6, 9])
+        with pytest.raises(pointglass.PointglassError, match="expected codes"):
+            scan.export(tmp_path / "no.las", classes=["ground"])
+    assert count == np.isin(classes, (2, 6, 9)).sum()
+    assert raw(tmp_path / "out.las").tobytes() == raw(path)[np.isin(classes, (2, 6, 9))].tobytes()

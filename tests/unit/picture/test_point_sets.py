@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.json_values import from_json, to_json
 from pointglass.viewer.picture.point_sets import NO_POINTS, PointSet
+from pointglass.viewer.picture.regions import ClassChange
 
 
 def test_a_set_holds_the_records_that_it_was_made_of(seed):
@@ -46,3 +48,13 @@ def test_a_damaged_set_is_refused_in_words(change, words):
 
 def test_no_points_is_empty():
     assert not NO_POINTS and NO_POINTS.count == 0 and not NO_POINTS.mask((("a", 3),)).any()
+
+
+def test_edits_refuse_classes_that_cannot_be_drawn():
+    some = PointSet.of(np.ones(3, bool), (("a", 3),))
+    with pytest.raises(InputError, match="126 can be"):
+        Edits(reclassified=tuple(ClassChange(code, some) for code in range(127)))
+    with pytest.raises(InputError, match="one entry"):
+        Edits(reclassified=(ClassChange(6, some), ClassChange(6, some)))
+    with pytest.raises(InputError, match="from 0 to 255"):
+        ClassChange(256, some)

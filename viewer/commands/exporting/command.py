@@ -15,6 +15,7 @@ from pathlib import Path
 from ....model.common.files.atomic_write import passes_through, write_atomic
 from ...common.errors import InputError
 from ...common.text import bytes_text, counted
+from ...grid.records.point_marks import check_sets, unknown_sets
 from ...preprocess.scan_description import OF_SEVERAL
 from ...readers.grid_folder import is_grid
 from ...work.selection import Selection, classes_of, clips_of, region_named
@@ -128,11 +129,14 @@ def run(options: argparse.Namespace) -> int:
     region = None if options.region is None else region_named(document.regions, options.region)
     if region is not None:
         document = replace(document, regions=tuple(each for each in document.regions if each is not region))
+    check_sets(scene, document)
     selection = Selection.in_sight(scene, document, boxes, classes=classes, only=None if region is None else region.points)
 
     def note(text: str) -> None:
         print(f"pointglass: {options.out}: {text}", file=sys.stderr)
 
+    for line in unknown_sets(scene, document):
+        note(line)
     count = export(
         selection,
         options.out,

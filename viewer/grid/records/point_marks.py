@@ -19,12 +19,11 @@ from ...picture.regions import hidden_regions
 
 if TYPE_CHECKING:
     from ..scene import Scene
+    from .point_records import PointRecords
 
 HAS_CLASS, SELECTED, DROPPED = 1 << 8, 1 << 9, 1 << 10
 """Bits of an entry of the table; the lowest 8 bits are the class of an entry with HAS_CLASS."""
 _DROPPED = 255
-_MOST = 126
-"""Classes that points can be given at once: 2 codes each (selected or not), and those of other points."""
 _BLOCK = 1 << 20
 """Points whose marks are gathered at a time."""
 
@@ -73,7 +72,7 @@ def file_keys(scene: "Scene") -> tuple[FileKey, ...]:
     return tuple(zip(names, counts, strict=True))
 
 
-_MADE: "WeakKeyDictionary[Scene, dict[tuple, PointMarks]]" = WeakKeyDictionary()
+_MADE: "WeakKeyDictionary[PointRecords, dict[tuple, PointMarks]]" = WeakKeyDictionary()
 _KEPT = 2
 """Marks of a scene that are kept: those of the picture, and those of what is selected or exported beside it."""
 _MAKING = Lock()
@@ -82,6 +81,24 @@ _MAKING = Lock()
 def has_sets(edits: Edits) -> bool:
     """Whether edits have sets of points that change a picture or an export."""
     return bool(edits.selection or edits.reclassified or hidden_regions(edits.regions))
+
+
+def check_sets(scene: "Scene", edits: Edits) -> None:
+    """Raises InputError where edits have sets of points, and the grid does not tell which records its points are."""
+    if has_sets(edits):
+        file_keys(scene)
+
+
+def unknown_sets(scene: "Scene", edits: Edits) -> list[str]:
+    """A line for each set with points of files that the scene does not have: left out, or another number of records now."""
+    if scene.records is None:
+        return []
+    files = file_keys(scene)
+    named = [(f"region {region.name!r}", region.points) for region in edits.regions]
+    named += [(f"class {change.code}", change.points) for change in edits.reclassified]
+    lost = [(name, points.unknown(files)) for name, points in (*named, ("the selection", edits.selection))]
+    return [f"{name}: {count:,} points are of a file that is not open, or has another number of points now"
+            for name, count in lost if count]
 
 
 def marks_of(scene: "Scene", edits: Edits) -> PointMarks | None:
@@ -93,7 +110,7 @@ def marks_of(scene: "Scene", edits: Edits) -> PointMarks | None:
         return None
     key = edits.selection, edits.reclassified, tuple(region.points for region in hidden_regions(edits.regions))
     with _MAKING:
-        known = _MADE.setdefault(scene, {})
+        known = _MADE.setdefault(scene.records, {})
         marks = known.pop(key, None) or _made(scene, edits)
         known[key] = marks  # the last one now
         while len(known) > _KEPT:
@@ -113,10 +130,7 @@ def _made(scene: "Scene", edits: Edits) -> PointMarks:
 
 
 def record_codes(edits: Edits, files: tuple[FileKey, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """(R,) uint8 codes by running number over ``files``, and the table (256,) uint32.  Raises InputError where points are given
-    more than 126 classes."""
-    if len(edits.reclassified) > _MOST:
-        raise InputError(f"points are given {len(edits.reclassified)} classes: {_MOST} can be at once")
+    """(R,) uint8 codes by running number over ``files``, and the table (256,) uint32."""
     codes, table = np.zeros(sum(records for _, records in files), np.uint8), np.zeros(256, np.uint32)
     for number, change in enumerate(edits.reclassified, 1):
         codes[change.points.mask(files)] = 2 * number

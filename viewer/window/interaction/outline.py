@@ -28,6 +28,7 @@ class Group:
 
     row: number of a row, from 0 -> the row as it is now.  click: what a click on its name does.  show: what its eye does, with
     whether it is to be shown.  rename: gives it another name.  commands: entry of its menu -> what that does to a row.
+    opened: whether its rows are shown at first.
     """
 
     title: str
@@ -38,3 +39,4 @@ class Group:
     show: Callable[[int, bool], object] | None = None
     rename: Callable[[int, str], object] | None = None
     commands: Mapping[str, Callable[[int], object]] = field(default_factory=dict)
+    opened: bool = True

@@ -149,7 +149,7 @@ def _eye(name: str, on: bool, about: str, style: Theme, *, disabled: bool = Fals
 def _group(group: Group, style: Theme, *, marks: bool) -> None:
     """One group of rows, which folds.  marks: whether the row that the tool works on is marked."""
     imgui.dummy(ImVec2(0, style.px(2)))
-    if not section(f"{group.title}  {group.count}###{group.title}", style, opened=True):
+    if not section(f"{group.title}  {group.count}###{group.title}", style, opened=group.opened):
         return
     first = group.row(0)
     line = imgui.get_frame_height_with_spacing() + (imgui.get_text_line_height() if first.value else 0.0)

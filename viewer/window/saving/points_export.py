@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...commands.exporting.command import export
 from ...common.text import counted
+from ...grid.records.point_marks import check_sets
 from ...picture.point_sets import PointSet
 from ...work.selection import Selection
 from ..file_dialog.file_dialogs import FileDialogs
@@ -69,6 +70,7 @@ class PointsExport:
         self._out, self._losses = out, []
 
         def work() -> int:
+            check_sets(scene, edits)
             with name_kept(out):
                 return export(Selection.in_sight(scene, edits, only=only), out, note=self._losses.append)
 

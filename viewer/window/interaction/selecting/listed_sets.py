@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....common.text import count_text, counted
-from ....grid.records.point_marks import marks_of
+from ....grid.records.point_marks import marks_of, unknown_sets
 from ....picture.colour_modes import CLASSES, category_colours
 from ....picture.regions import Region
 from ....work.document import replaced, without
@@ -21,6 +21,8 @@ from ..tool import ToolContext
 if TYPE_CHECKING:
     from ....grid.scene import Scene
 
+_FEW = 6
+"""Classes that are listed without a click: with more, work and jobs below them would need scrolling at 1280 x 720."""
 _COLOURS = category_colours("class")
 
 
@@ -60,6 +62,8 @@ class ListedSets:
             return
         if self._of[0] is None or self._of[0]() is not scene:
             self.counts = dict(scene.attributes.classes)
+            if not context.session.shown_scan.preview and (lost := unknown_sets(scene, context.document)):
+                context.session.notices.say_also("Some points of this project are not there", *lost)
         edits = context.document
         self._counting = weakref.ref(scene), changes
         if changes:
@@ -130,4 +134,4 @@ class ListedSets:
                 "Select its points": select,
                 "Show this class only": lambda number: hide(f"Show class {codes[number]} only", set(codes) - {codes[number]}),
                 "Show all classes": lambda _: hide("Show all classes", set()),
-            })  # fmt: skip
+            }, opened=len(codes) <= _FEW)  # fmt: skip
