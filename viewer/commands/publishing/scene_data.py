@@ -14,14 +14,14 @@ from ...work.notes.annotation import STATUSES, is_address
 from ...work.places.up_axis import upright_axes
 from ...work.selection import Selection
 from .data_scripts import alpha_png, base64_text
-from .plan_picture import plan_of, storeys
+from .plan_picture import Plan, plan_of, storeys
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...work.document import Document
     from .places import Place
 
-_EYE = 1.6
+EYE = 1.6
 """Metres above the floor, where nothing was found below a place."""
 _FLOOR = (0.5, 4.0)
 """Metres below the eye between which what lies there is taken for a floor."""
@@ -39,12 +39,9 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
     stands = np.stack([place.position for place in places])
     local = (stands - origin) @ axes
     below = [record["floor"] for record in records]
-    height = np.array([down if _FLOOR[0] * metre < down < _FLOOR[1] * metre else _EYE * metre for down in below])
+    height = np.array([down if _FLOOR[0] * metre < down < _FLOOR[1] * metre else EYE * metre for down in below])
     floors = local[:, 2] - height
-    storey = storeys(floors, metre)
-    points = _points(scene, document, origin, axes)
-    plans = [plan_of(points, local[storey == level], float(np.median(floors[storey == level])), metre)
-             for level in range(storey.max() + 1)]
+    storey, plans = plans_of(scene, document, local, floors, origin)
     return {
         "generator": f"pointglass {__version__}", "title": title, "view": view,
         "unit": unit_name(scene.meta.metres_per_unit), "metre": metre, "origin": origin.tolist(), "axes": axes.tolist(),
@@ -64,6 +61,17 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
              "position": ((np.array(note.position) - origin) @ axes).tolist()}
             for number, note in enumerate(document.annotations)],
     }  # fmt: skip
+
+
+def plans_of(scene: "Scene", document: "Document", local: np.ndarray, floors: np.ndarray,
+             origin: np.ndarray) -> tuple[np.ndarray, list[Plan]]:
+    """The storey of each place (n,), and the plan of each storey.  local: (n, 3) places, upright, relative to the origin.
+    floors: (n,) heights of the floors under them."""
+    metre = 1.0 / scene.meta.metres_per_unit if scene.meta.metres_per_unit else 1.0
+    storey = storeys(floors, metre)
+    points = _points(scene, document, origin, upright_axes(document.up))
+    return storey, [plan_of(points, local[storey == level], float(np.median(floors[storey == level])), metre)
+                    for level in range(storey.max() + 1)]
 
 
 def _points(scene: "Scene", document: "Document", origin: np.ndarray, axes: np.ndarray) -> np.ndarray:

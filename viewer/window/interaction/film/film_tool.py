@@ -28,6 +28,7 @@ from ..outline import Group, Row
 from ..tool import KeyEvent, Tool, ToolContext
 from .camera_path_editor import CameraPathEditor, fly_to
 from .film_job import FilmJob, film_worker
+from .publish_dialog import PublishDialog
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
@@ -56,6 +57,7 @@ class Film(Tool):
         self.size, self.view, self.quality, self.supersample = SIZES[1], "neural", "", 1
         self.panorama, self.panorama_size = False, PANORAMA_SIZE
         self.worker: Worker | None = None
+        self.publishing = PublishDialog()
 
     # -- bookmarks ---------------------------------------------------------------------------------------------------
 
@@ -87,6 +89,7 @@ class Film(Tool):
 
     def left(self, context: ToolContext) -> None:
         self.path.playing = False
+        self.publishing.open = False
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         if event.kind != "press" or event.key not in ("DELETE", "BACKSPACE") or self.path.timeline.selected is None:
@@ -126,6 +129,7 @@ class Film(Tool):
             context.session.notices.say("This film cannot be made", error)
 
     def follow(self, context: ToolContext) -> None:
+        self.publishing.follow(context)
         done = ended(self.worker, context, "The film was not made")
         if done is None:
             return
@@ -139,13 +143,16 @@ class Film(Tool):
 
     @property
     def workers(self) -> "tuple[Worker | None, ...]":
-        return (self.worker,)
+        return (self.worker, self.publishing.worker)
 
     @property
     def unfinished(self) -> str:
-        return "A film is being rendered." if self.worker is not None else ""
+        if self.worker is not None:
+            return "A film is being rendered."
+        return "A publication is being written." if self.publishing.worker is not None else ""
 
     def close(self) -> None:
+        self.publishing.close()
         end(self.worker)
 
     def panel(self, ui: Any, context: ToolContext) -> None:
@@ -176,6 +183,12 @@ class Film(Tool):
         self.path.panel(ui, context, self.size)
         ui.separator()
         self._video(ui, context)
+        ui.same_line()
+        if ui.button("Publish…"):
+            self.publishing.ask(context)
+        if ui.is_item_hovered():
+            ui.set_tooltip("a folder that any browser opens by a double click: panoramas to walk through and to measure on")
+        self.publishing.draw(ui, context)
 
     def _bookmarks(self, ui: Any, context: ToolContext) -> None:
         if ui.button("Add bookmark"):
