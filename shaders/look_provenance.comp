@@ -7,6 +7,11 @@ uniform sampler2D measured;  // the filtered view
 uniform sampler2D mask;
 uniform int kind;            // 0: raw, all pixels are measured; 1: filtered or filled; 2: neural, measured pixels are repainted
 uniform ivec3 colours[4];    // by provenance: background, measured, repainted, filled
+#ifdef PHOTOGRAPHS
+uniform sampler2D photographs;  // their share of each pixel
+uniform ivec3 photographed;
+uniform bool keeps_measured;  // measured pixels are shown as measured
+#endif
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 
 void main() {
@@ -16,6 +21,9 @@ void main() {
     bool kept = kind == 0 || texelFetch(mask, at, 0).x > 0.5;
     ivec3 colour = colours[3];
     if (pixel.a == 0) colour = colours[0];
+#ifdef PHOTOGRAPHS
+    else if (!(kept && keeps_measured) && texelFetch(photographs, at, 0).x > 0.5) colour = photographed;
+#endif
     else if (kept && kind != 2) colour = colours[1];
     else if (kept) {
         ivec3 change = abs(pixel.rgb - ivec3(round(texelFetch(measured, at, 0).rgb * 255.0)));

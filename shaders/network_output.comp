@@ -1,5 +1,6 @@
 // Copies the network's output, four half-precision channels a pixel (RGB and coverage, 0..1), into the texture that is shown.
 // COPIED: the output was copied to a texture.
+// PHOTOGRAPHS: their share of the filled picture is kept.
 // BOUNDED: the filled picture's alpha is an upper bound: background stays background.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
@@ -11,6 +12,9 @@ layout(std430, binding = NETWORK_BINDING) readonly buffer Output { uvec2 pixels[
 layout(rgba8, binding = 0) uniform writeonly image2D neural;
 #ifdef BOUNDED
 uniform sampler2D filled;
+#endif
+#ifdef PHOTOGRAPHS
+uniform sampler2D photographs;
 #endif
 
 void main() {
@@ -26,5 +30,9 @@ void main() {
 #ifdef BOUNDED
     alpha *= texelFetch(filled, at, 0).w;
 #endif
-    imageStore(neural, at, vec4(rgba.rgb * alpha, alpha));
+    vec3 colour = rgba.rgb * alpha;
+#ifdef PHOTOGRAPHS
+    colour = mix(colour, texelFetch(filled, at, 0).rgb, texelFetch(photographs, at, 0).x);
+#endif
+    imageStore(neural, at, vec4(colour, alpha));
 }

@@ -78,6 +78,7 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
+    from .commands.photo_option import give_photographs, photographs_of_folder
     from .commands.render_pictures import export_pictures, parse_shard, parse_size, picture_files
     from .picture.spec import PictureSpec
     from .work.cameras.camera_files import read_cameras
@@ -98,6 +99,7 @@ def _render(options: argparse.Namespace) -> int:
         part, parts = parse_shard(options.shard)
         specs = specs[part::parts]
     _check_weights(settings)
+    photographs = photographs_of_folder(settings)
     from .grid.open_scene import moves_as, open_scene, say_degrees
     from .render.device.context import create_context
     from .render.renderer import Renderer
@@ -112,6 +114,7 @@ def _render(options: argparse.Namespace) -> int:
             print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
     renderer = Renderer(context, scene, memory=memory)
     renderer.choice.repeat(shot.raster if shot else "")
+    give_photographs(renderer, settings, photographs)
     _end_of_start()
     try:
         with replaced_told(picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)):

@@ -144,7 +144,7 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
     painter = Viewport(context, session, memory=None, wake=lambda: None)  # type: ignore[arg-type]
     assert not painter.note_arrivals()
     pages = opened(context, upload=2 * CHUNK_BYTES)
-    painter.renderer = SimpleNamespace(pages=pages, release=pages.release)  # type: ignore[assignment]
+    painter.renderer = SimpleNamespace(pages=pages, release=pages.release, photographs=SimpleNamespace(arrived=False))  # type: ignore[assignment]
 
     def arrived() -> None:
         with pages._reader._news:

@@ -116,12 +116,16 @@ def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
     parser.add_argument("--detail", type=float, default=defaults.detail, metavar="X",
                         help="neural view: from 0 (smooth) to 2 (keep all measured detail, noise too); 1 follows the noise "
                              "estimated for the scan (default 1)")
+    parser.add_argument("--photos", default=defaults.photos, metavar="auto|off|FOLDER",
+                        help="colour surfaces of filled and neural pictures from photographs where these are finer than the "
+                             "points: auto: the posed photographs of E57 files; FOLDER: those of a folder with transforms.json "
+                             "or a COLMAP model, in the scan's coordinates (default auto)")
     parser.add_argument("--weights", metavar="F", help="a weights file made by `train` (default: the shipped weights)")
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
     """The Settings of parsed options.  Raises InputError for a value out of range."""
-    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "detail", "weights")
+    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "detail", "weights", "photos")
     return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 

@@ -102,11 +102,11 @@ def _with_aux(renderer: "Renderer", shot: Shot) -> Files:
     name, spec = _stem(shot), shot.spec
     view = spec.views[0]
     frame = render(renderer, spec, more=views_with_mask(view))
-    image, mask = frame.image(view), frame.mask()
+    image, mask, photographs = frame.image(view), frame.mask(), frame.from_photographs()
     return _picture(as_saved(image, spec.background), renderer, shot) | {
         f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
         f"{name}.mask.npy": lambda path: write_array(path, mask),
-        f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask), _PROVENANCE_TEXT),
+        f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask, photographs), _PROVENANCE_TEXT),
         f"{name}.stats.json": lambda path: write_json(path, frame.stats),
     }
 

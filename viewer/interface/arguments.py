@@ -47,6 +47,7 @@ class RenderSettings(TypedDict, total=False):
     network.  filter: auto, paper-code, paper-text, npbg++ or off.  filter_strength: multiplies the depth tolerance.
     filter_levels: pyramid levels, None: the filter's own.  lod: points drawn per pixel, None: every point.
     raster: auto, points or compute.  soft_z: auto, paper-code or paper-text.  stations: auto or equal.
+    photos: auto (those of E57 files), off, or a folder with cameras.
     """
 
     quality: str
@@ -61,6 +62,7 @@ class RenderSettings(TypedDict, total=False):
     raster: str
     soft_z: str
     stations: str
+    photos: PathLike
 
 
 def settings_of(view: str, given: RenderSettings) -> Settings:
@@ -74,6 +76,8 @@ def settings_of(view: str, given: RenderSettings) -> Settings:
     values: dict[str, Any] = dict(given)
     if values.get("weights") is not None:
         values["weights"] = str(path_of(values["weights"]))
+    if "photos" in values:
+        values["photos"] = str(path_of(values["photos"]))
     try:
         with python_names():
             return Settings(view=view, **values)

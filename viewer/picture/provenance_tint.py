@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .provenance import BACKGROUND, FILLED, MEASURED, REPAINTED, provenance
+from .provenance import BACKGROUND, FILLED, MEASURED, PHOTOGRAPHED, REPAINTED, provenance
 
 COLOURS: dict[int, tuple[int, int, int]] = {
     BACKGROUND: (60, 64, 72), MEASURED: (64, 190, 120), REPAINTED: (170, 90, 230), FILLED: (245, 160, 40),
+    PHOTOGRAPHED: (60, 150, 240),
 }  # fmt: skip
 """sRGB; chosen to be told apart with any colour vision (green, violet, orange differ in lightness and hue)."""
 NAMES: dict[int, str] = {
-    MEASURED: "measured", REPAINTED: "measured, then repainted", FILLED: "filled", BACKGROUND: "background",
+    MEASURED: "measured", REPAINTED: "measured, then repainted", FILLED: "filled", PHOTOGRAPHED: "from photographs",
+    BACKGROUND: "background",
 }  # fmt: skip
 TINT = 160
 """Of 256: how much of a pixel is its tint; the rest is its brightness."""
@@ -36,10 +38,11 @@ def repainted_by(image: np.ndarray, measured: np.ndarray) -> np.ndarray:
     return np.abs(image[..., :3].astype(np.int16) - measured[..., :3]).max(axis=-1).astype(np.uint8)
 
 
-def shares(view: str, image: np.ndarray, mask: np.ndarray, measured: np.ndarray | None = None) -> Shares:
-    """The legend's numbers.  view, image, mask: as in :func:`provenance`.  measured: the filtered view of the same frame,
-    needed for ``change`` of a neural picture."""
-    found = provenance(view, image, mask)
+def shares(view: str, image: np.ndarray, mask: np.ndarray, measured: np.ndarray | None = None,
+           photographs: np.ndarray | None = None) -> Shares:
+    """The legend's numbers.  view, image, mask, photographs: as in :func:`provenance`.  measured: the filtered view of the same
+    frame, needed for ``change`` of a neural picture."""
+    found = provenance(view, image, mask, photographs)
     counts = np.bincount(found.ravel(), minlength=len(COLOURS))
     change = None
     if measured is not None and counts[REPAINTED]:
@@ -47,9 +50,10 @@ def shares(view: str, image: np.ndarray, mask: np.ndarray, measured: np.ndarray 
     return Shares({key: 100.0 * float(counts[key]) / found.size for key in COLOURS}, change)
 
 
-def tinted(view: str, image: np.ndarray, mask: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def tinted(view: str, image: np.ndarray, mask: np.ndarray, measured: np.ndarray,
+           photographs: np.ndarray | None = None) -> np.ndarray:
     """(H, W, 4) uint8, opaque: the picture's brightness in the colours of its provenance.  As in :func:`shares`."""
-    found = provenance(view, image, mask)
+    found = provenance(view, image, mask, photographs)
     rgb = image[..., :3].astype(np.int64)
     grey = (54 * rgb[..., 0] + 183 * rgb[..., 1] + 19 * rgb[..., 2]) >> 8
     colour = np.array([COLOURS[key] for key in sorted(COLOURS)], np.int64)[found]

@@ -3,7 +3,7 @@
 The command line and the window's panel read these tables, so that each choice is written down once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Integral
 
 from ...model.network.qualities import DEFAULT, QUALITIES
@@ -55,6 +55,10 @@ BACKGROUNDS: dict[str, str] = {
 (viewer.picture.background)."""
 
 
+_UNLESS_DEFAULT = {"unless_default": True}
+"""As in viewer.picture.json_values, which the command line does not import at its start: it needs numpy."""
+
+
 @dataclass(frozen=True)
 class Settings:
     """Everything that determines a picture, except scene and camera.  The same scene, camera and settings give the same bytes.
@@ -64,6 +68,8 @@ class Settings:
     lod: level of detail, points drawn per pixel that a cell covers, above 0; None: every point.
     detail: from 0 (smooth) to 2 (keep all measured detail, noise too); 1 follows the scan's estimated noise.
     weights: a weights file, as `pointglass train` makes them, used instead of the shipped weights of ``quality``.
+    photos: auto colours filled and neural pictures from the posed photographs of E57 files, off does not; else a folder of
+    photographs with their cameras.
     The other fields are keys of the tables above.  Raises InputError that names the first bad value.
     """
 
@@ -80,6 +86,7 @@ class Settings:
     stations: str = "auto"
     precision: str = "auto"
     weights: str | None = None
+    photos: str = field(default="auto", metadata=_UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         for name, table in CHOICES.items():

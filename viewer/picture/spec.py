@@ -6,7 +6,7 @@ Python make their pictures from the same value (viewer.render.described_picture)
 of every description.
 """
 
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -93,7 +93,8 @@ class PictureSpec:
         more: dict[str, Any] = {} if self.edits.none else {"alterations": to_json(self.edits)}
         if self.compares:
             more["comparison"] = {"view": self.views[1], "split_at": self.split_at}
-        return {"background": self.background, "settings": asdict(self.settings), "camera": camera_to_json(self.camera), **more}
+        return {"background": self.background, "settings": to_json(self.settings), "camera": camera_to_json(self.camera),
+                **more}
 
     @staticmethod
     def from_json(found: dict[str, Any], where: str) -> "PictureSpec":

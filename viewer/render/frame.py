@@ -33,7 +33,8 @@ class FrameFacts:
     GPU yet.  device, network: what the network ran on, and which it was; None where none ran.  stations: "weighed" where
     points count by where their scanner stood, else "equal".  approximations: in words, what makes the picture inexact.
     occlusion: gives what was found hidden, and waits for the GPU; None where nothing was left out.  network_pending: of a
-    network that was left to its own thread, whether it still runs.  bridge: how pixels reach the network.
+    network that was left to its own thread, whether it still runs.  bridge: how pixels reach the network.  photographs: how
+    many were in reach of the view; None where none were.
     """
 
     raster: str
@@ -53,6 +54,7 @@ class FrameFacts:
     occlusion: "Callable[[], HiddenCount] | None" = field(default=None, metadata=_WHERE_KNOWN)
     network_pending: bool | None = field(default=None, metadata=_WHERE_KNOWN)
     bridge: str | None = field(default=None, metadata=_WHERE_KNOWN)
+    photographs: int | None = field(default=None, metadata=_WHERE_KNOWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +89,7 @@ class Frame:
     """One picture of a camera in the views asked for.  Textures belong to the renderer and are valid until its next render.
 
     filled_depth: R32F, view-space z in file units of the filled picture, 0 where it is not opaque; None where it was not asked
-    for."""
+    for.  photo_share: R8, how much of each pixel of the filled and the neural view is from photographs; None: nothing."""
 
     camera: "Camera"
     textures: dict[str, "moderngl.Texture"]
@@ -96,6 +98,7 @@ class Frame:
     facts: FrameFacts = field(repr=False)
     times: "Times" = field(repr=False)
     filled_depth: "moderngl.Texture | None" = None
+    photo_share: "moderngl.Texture | None" = None
 
     def image(self, view: str) -> np.ndarray:
         """(H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top.  Raises KeyError for a view not asked for."""
@@ -112,6 +115,13 @@ class Frame:
         if self.mask_texture is None:
             return np.isfinite(self.depth())
         texture = self.mask_texture
+        return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
+
+    def from_photographs(self) -> np.ndarray | None:
+        """(H, W) bool: filled and neural pixels coloured by photographs for the larger part; None where no photograph was
+        used."""
+        if (texture := self.photo_share) is None:
+            return None
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
 
     @property

@@ -31,6 +31,7 @@ from .device.shader import Programs
 from .frame import Frame, FrameFacts, raster_facts
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
+from .photographs.scene_photographs import ScenePhotographs
 from .raster.choose_raster import RASTERISERS as RASTERISERS
 from .raster.choose_raster import RasterChoice, fastest
 from .raster.edit_block import block_of, without_clipped_cells
@@ -79,6 +80,7 @@ class Renderer:
         self._marks = MarkPages(context)
         self._stages = Stages(context, software=self.device.software)
         self._runs, self._serial = NetworkRuns(self._stages, wake), 0
+        self.photographs = ScenePhotographs(scene, wake)
 
     @property
     def _passes(self) -> SizedPasses:
@@ -138,8 +140,7 @@ class Renderer:
 
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
                 edits: Edits | None, *, streaming: bool, defer_network: bool, filled_depth: bool, keep_network: bool) -> Frame:
-        self._serial += 1
-        wanted = passes_of(views)
+        self._serial, wanted = self._serial + 1, passes_of(views)
         self._begin((camera.width, camera.height), neural="network" in wanted, keep_network=keep_network)
         stages = self._stages
         stages.begin()
@@ -158,10 +159,17 @@ class Renderer:
                 network = None
                 if "network" in wanted:
                     network = self._neural_for(settings, background=defer_network or streaming)
+                photos = self.photographs.ready(camera, settings, edits, wait=not streaming)
                 textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, step.mask, network,
-                                                   with_depth=filled_depth)
+                                                   with_depth=filled_depth or bool(photos))
                 if filled_depth:
                     frame.filled_depth = self._passes.fill_pass().depth
+                if photos:
+                    with stages("photographs"):
+                        frame.photo_share = self._passes.photographed(camera, self.photographs, photos, step.mask, network)
+                    frame.facts = replace(facts, photographs=len(photos))
+                if network is not None:
+                    network.photo_share = frame.photo_share
                 if network is not None:
                     frame.facts = self._runs.run(network, frame, self._serial, deferred=defer_network, streaming=streaming,
                                                  keep=keep_network, missing=self.pages.missing)
@@ -311,6 +319,7 @@ class Renderer:
         """Frees everything on the GPU, and returns main memory that its pictures held to the system."""
         self._sizes.release()
         self._stages.release()
+        self.photographs.release()
         self.pages.release()
         self._marks.release()
         self._programs.release()

@@ -8,6 +8,7 @@ from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
 from .passes.noise_level import NoiseLevel
+from .photographs.photo_pass import PhotoPass
 from .raster.raster_cpu import CpuRasteriser
 from .raster.stations import Confidence
 
@@ -15,9 +16,11 @@ if TYPE_CHECKING:
     import moderngl
 
     from ...model.appearance.noise import NoiseModel
+    from ..picture.camera import Camera
     from ..picture.settings import Settings
     from .device.shader import Programs
     from .network.neural import NeuralStage
+    from .photographs.scene_photographs import ScenePhotographs
     from .raster.raster import Rasteriser
 
 
@@ -35,6 +38,7 @@ class SizedPasses:
     fill: Fill | None = None
     confidence: Confidence | None = None
     noise: NoiseLevel | None = None
+    photos: PhotoPass | None = None
     neural: "NeuralStage | None" = None
     spare_neural: "NeuralStage | None" = None
 
@@ -67,6 +71,15 @@ class SizedPasses:
         self.fill = self.fill or Fill(self.programs, self.size)
         return self.fill
 
+    def photographed(self, camera: "Camera", photographs: "ScenePhotographs", numbers: list[int], mask: "moderngl.Texture",
+                     network: "NeuralStage | None") -> "moderngl.Texture":
+        """Colours the filled picture, and the input of ``network``, from photographs of these numbers; returns their share."""
+        fill, pool = self.fill_pass(), photographs.pool
+        assert fill.depth is not None
+        self.photos = self.photos or PhotoPass(self.programs, self.size)
+        self.photos.run(fill.filled, fill.depth, mask, camera, pool, numbers, network.bridge.input if network else None)
+        return self.photos.share
+
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
         """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""
         if self.noise is None and noise is not None:
@@ -92,11 +105,12 @@ class SizedPasses:
 
     def release(self) -> None:
         """Frees all of them."""
-        for made in (*self.rasterisers.values(), self.filter, self.fill, self.confidence, self.noise, *self.networks):
+        singles = self.filter, self.fill, self.confidence, self.noise, self.photos
+        for made in (*self.rasterisers.values(), *singles, *self.networks):
             if made is not None:
                 made.release()
         self.rasterisers = {}
-        self.filter = self.fill = self.confidence = self.noise = self.neural = self.spare_neural = None
+        self.filter = self.fill = self.confidence = self.noise = self.photos = self.neural = self.spare_neural = None
 
 
 class KeptPasses:

@@ -194,6 +194,7 @@ def check(options: argparse.Namespace) -> None:
 def run(options: argparse.Namespace, settings: "Settings") -> int:
     """The command.  Returns the exit code."""
     from ..options import memory_of
+    from ..photo_option import give_photographs, photographs_of_folder
     from ..render_pictures import parse_size
     from .encode import frame_files
 
@@ -202,6 +203,7 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds,
                               stay=options.stay, ease=options.ease)
 
+    photographs = photographs_of_folder(settings)
     from ...grid.open_scene import open_scene, say_degrees
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
@@ -210,6 +212,7 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
     say_degrees(scene)
     renderer = Renderer(context, scene, memory=memory_of(options))
+    give_photographs(renderer, settings, photographs)
     try:
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
             made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,

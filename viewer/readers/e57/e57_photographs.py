@@ -10,6 +10,7 @@ and cylindrical have z up, azimuth counterclockwise from x.  A pixel spans [i, i
 """
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from ...common.errors import InputError
 from ...picture.camera import Camera
 from ..formats import check_file
+from ..posed_photograph import Lens, PosedPhotograph
 from .e57_images import decoded, listed_photographs, number_of, structures
 from .e57_nodes import first_line, library, open_e57, text_of
 
@@ -117,6 +119,15 @@ def _lens(entry, width: float, height: float) -> tuple[float, float, float, floa
 
 
 def _photo(entry, longest: int) -> StationPhoto:
+    width, height, (fx, fy, cx, cy), around = _geometry(entry)
+    picture, valid, (across, down) = _decoded(entry, width, height, longest)
+    return StationPhoto(entry.name, entry.kind, picture, fx * across, fy * down, cx * across, cy * down, entry.pose, around,
+                        valid, entry.scan)
+
+
+def _geometry(entry) -> tuple[float, float, Lens, bool]:
+    """Width and height in pixels, lens, and whether the columns close a circle.  Raises InputError where they are
+    impossible."""
     width, height = number_of(entry, "imageWidth"), number_of(entry, "imageHeight")
     pitch_x, pitch_y = number_of(entry, "pixelWidth"), number_of(entry, "pixelHeight")
     cx, cy = width / 2, height / 2
@@ -131,10 +142,42 @@ def _photo(entry, longest: int) -> StationPhoto:
             cy = number_of(entry, "principalPointY", positive=False)
         if width / fx > 2 * np.pi * 1.001 or (entry.kind == "spherical" and height / fy > np.pi * 1.001):
             raise InputError(f"{entry.label} spans {np.degrees(width / fx):.4g} degrees", remedy="export it again")
-    around = entry.kind != "pinhole" and width / fx > 2 * np.pi * 0.999
+    return width, height, (fx, fy, cx, cy), entry.kind != "pinhole" and width / fx > 2 * np.pi * 0.999
+
+
+def _decoded(entry, width: float, height: float, longest: int) -> tuple[np.ndarray, np.ndarray | None, tuple[float, float]]:
+    """The picture, where it holds anything, and the scale of both axes."""
     share = min(1.0, longest / max(width, height))
     scale = max(1, round(width * share)) / width, max(1, round(height * share)) / height
-    picture, valid = decoded(entry, scale)
-    across, down = scale
-    return StationPhoto(entry.name, entry.kind, picture, fx * across, fy * down, cx * across, cy * down, entry.pose, around,
-                        valid, entry.scan)
+    return *decoded(entry, scale), scale
+
+
+def posed_photographs(path: Path) -> tuple[list[PosedPhotograph], list[str]]:
+    """The photographs of an E57 that have a geometry and a pose, not decoded, and warnings about the others."""
+    check_file(path)
+    with open_e57(path) as file:
+        entries, warnings = listed_photographs(path, file.root(), KINDS)
+        found = []
+        for entry in entries:
+            try:
+                width, height, lens, around = _geometry(entry)
+            except (InputError, library().E57Exception) as error:
+                warnings.append(f"{first_line(error) if not isinstance(error, InputError) else error}; skipped")
+                continue
+            found.append(PosedPhotograph(entry.label, entry.kind, int(width), int(height), lens, around, entry.pose,
+                                         partial(_decode, path, entry.number)))
+    return found, warnings
+
+
+def _decode(path: Path, number: int, longest: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """The picture of images2D[number], and where it holds anything."""
+    check_file(path)
+    with open_e57(path) as file:
+        for entry in listed_photographs(path, file.root(), KINDS)[0]:
+            if entry.number == number:
+                try:
+                    width, height, _, _ = _geometry(entry)
+                    return _decoded(entry, width, height, longest)[:2]
+                except library().E57Exception as error:
+                    raise InputError(f"{entry.label}: {first_line(error)}", remedy="copy or export it again") from None
+    raise InputError(f"photograph {number + 1} is not there any more", file=path, remedy="open the scan again")

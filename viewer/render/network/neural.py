@@ -59,13 +59,13 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
     return _networks[key]
 
 
-def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True) -> Pass:
+def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True, photographs: bool = False) -> Pass:
     """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer.  bounded: the filled
-    picture's alpha is a bound."""
-    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()))
+    picture's alpha is a bound.  photographs: their share of the filled picture is kept."""
+    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()), *(("photographs",) if photographs else ()))
     return Pass(programs, "network's picture", "network_output.comp", outputs=("neural",), inputs=inputs,
                 buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
-                BOUNDED=1 if bounded else None)  # fmt: skip
+                BOUNDED=1 if bounded else None, PHOTOGRAPHS=1 if photographs else None)  # fmt: skip
 
 
 class NeuralStage:
@@ -76,6 +76,7 @@ class NeuralStage:
     filtered: whether a depth filter ran, which decides the weights.  weights: a file used instead.
     device: auto, cuda or cpu.  ``cuda`` raises DeviceError where CUDA does not work; ``auto`` falls back to the CPU, which
     ``device`` and ``name`` show.  presented: the camera of ``picture``, None while it holds none.
+    photo_share: R8, the photographs' share of each pixel of the filled picture that is presented next; None: they have none.
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
@@ -91,6 +92,7 @@ class NeuralStage:
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self.presented: object = None
+        self.photo_share: moderngl.Texture | None = None
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
         try:
@@ -105,6 +107,7 @@ class NeuralStage:
             raise
         self._programs = programs
         self._unpack_alone: Pass | None = None  # made when it is first needed
+        self._unpack_photographed: Pass | None = None
         self._unpack = unpacking(programs, copied=isinstance(self.bridge, ReadBackBridge))
         self.picture = self.context.texture(size, 4, dtype="f1")
 
@@ -223,11 +226,16 @@ class NeuralStage:
         self._thread.drop()
 
     def present(self, filled) -> None:
-        """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
+        """Writes the network's pixels into ``picture``, with the filled picture's alpha, and its colours where they are from
+        photographs: the networks have not learned from photographs, and soften them."""
+        unpack, inputs, copied = self._unpack, {"filled": filled}, isinstance(self.bridge, ReadBackBridge)
+        if self.photo_share is not None:
+            self._unpack_photographed = self._unpack_photographed or unpacking(self._programs, copied=copied, photographs=True)
+            unpack, inputs = self._unpack_photographed, {**inputs, "photographs": self.photo_share}
         if isinstance(self.bridge, ReadBackBridge):
-            self._unpack.run(self.picture, inputs={"filled": filled, "copied": self.bridge.output_texture()})
+            unpack.run(self.picture, inputs={**inputs, "copied": self.bridge.output_texture()})
         else:
-            self._unpack.run(self.picture, inputs={"filled": filled}, buffers={"NETWORK": self.bridge.output})
+            unpack.run(self.picture, inputs=inputs, buffers={"NETWORK": self.bridge.output})
 
     def release(self) -> None:
         self._thread.close()

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...picture import provenance_tint
 from ...picture.look import EDL_GAIN, Look, disc, tone_curves
+from ...picture.provenance import BACKGROUND, FILLED, MEASURED, PHOTOGRAPHED, REPAINTED
 from ...picture.views import VIEWS
 from ..device.compute_pass import Pass
 
@@ -39,6 +40,9 @@ class Rendered(Protocol):
     @property
     def mask_texture(self) -> "moderngl.Texture | None": ...
 
+    @property
+    def photo_share(self) -> "moderngl.Texture | None": ...
+
 
 class Developer:
     """Owns two targets and the tables of one picture size."""
@@ -67,11 +71,16 @@ class Developer:
             picture = self._shaped(picture, depth, mask if view == "filtered" else None, look)
         if tint:
             inputs = {"picture": picture, "measured": measured, "mask": mask or picture}
-            colours = [provenance_tint.COLOURS[key] for key in sorted(provenance_tint.COLOURS)]
+            colours = [provenance_tint.COLOURS[key] for key in (BACKGROUND, MEASURED, REPAINTED, FILLED)]
             passes = VIEWS[view].passes
+            share = frame.photo_share if "fill" in passes else None
+            inputs |= {"photographs": share} if share is not None else {}
             kind = _REPAINTED if "network" in passes else _MASKED if "filter" in passes else 0
-            return self._run("look_provenance.comp", inputs, {"kind": kind, "colours": colours},
-                             FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT)
+            more = {} if share is None else {"photographed": provenance_tint.COLOURS[PHOTOGRAPHED],
+                                                "keeps_measured": lock and view == "neural"}
+            return self._run("look_provenance.comp", inputs, {"kind": kind, "colours": colours, **more},
+                             FULLY_REPAINTED=provenance_tint.FULLY_REPAINTED, TINT=provenance_tint.TINT,
+                             PHOTOGRAPHS=None if share is None else 1)
         if look.develops:
             if look != self._look:
                 curves = np.zeros((256, 4), np.uint8)

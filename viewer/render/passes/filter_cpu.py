@@ -31,7 +31,7 @@ def _limits(level: int, strength: float) -> tuple[np.float32, ...]:
 
 
 @dataclass(frozen=True)
-class _Level:
+class FilterLevel:
     """A level of the pyramid; planes as in filter_loops, thresholds (h * w,)."""
 
     width: int
@@ -41,10 +41,10 @@ class _Level:
     threshold: np.ndarray
 
     @staticmethod
-    def of(size: tuple[int, int]) -> "_Level":
+    def of(size: tuple[int, int]) -> "FilterLevel":
         width, height = size
         near, support = (np.zeros((width + 2) * (height + 2), np.float32) for _ in range(2))
-        return _Level(width, height, near, support, np.empty(width * height, np.float32))
+        return FilterLevel(width, height, near, support, np.empty(width * height, np.float32))
 
     def surround(self, *, mirrored: bool) -> None:
         for plane in (self.near, self.support):
@@ -60,7 +60,7 @@ class CpuDepthFilter:
         self.size, self.wanted_levels = size, levels
         self.levels = constants.LEVELS["auto"] if levels is None else levels
         self.mask, self.filtered = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
-        self._pyramid = [_Level.of(each) for each in (size, *level_sizes(size, self.levels))]
+        self._pyramid = [FilterLevel.of(each) for each in (size, *level_sizes(size, self.levels))]
         self._kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
 
     def run(self, rasteriser: "CpuRasteriser", *, strength: float = 1.0) -> None:

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from ...picture.provenance import PHOTOGRAPHED, REPAINTED
 from ...picture.provenance_tint import COLOURS, NAMES, Shares, shares
 from ..kit import icons
 from .editing import edit
@@ -38,23 +39,27 @@ class WhatIsReal(Tool):
         seen = (view, pending, context.document.lock_measured)
         if frame is self._frame and seen == self._seen:
             return
-        names = ("mask", view, *(["filtered"] if "filtered" in frame.textures else []))
+        names = ("mask", view, *(["filtered"] if "filtered" in frame.textures else []),
+                 *(["photographs"] if frame.photo_share is not None else []))
         read = {name: context.viewport.pixels.read(frame, name) for name in names}
         mask, image = read["mask"], read[view]
         if mask is None or image is None or any(pixels is None for pixels in read.values()):
             return  # it follows a frame or two later
         locked = view == "neural" and context.document.lock_measured  # then nothing that was measured is repainted
-        self.shares = shares("filled" if locked else view, image, mask, read.get("filtered"))
+        photographs = read.get("photographs")
+        if locked and photographs is not None:
+            photographs = photographs & ~mask
+        self.shares = shares("filled" if locked else view, image, mask, read.get("filtered"), photographs)
         self._frame, self._seen = frame, seen
 
     def lines(self) -> list[tuple[int, str]]:
-        """(provenance, text) of the legend's rows; repainted only where there is such a pixel."""
+        """(provenance, text) of the legend's rows; repainted and from photographs only where there is such a pixel."""
         if self.shares is None:
             return []
         rows = []
         for key, name in NAMES.items():
             percent = self.shares.percent[key]
-            if key == 2 and percent == 0:
+            if key in (REPAINTED, PHOTOGRAPHED) and percent == 0:
                 continue
             by = f" by {self.shares.change:.0f}/255 levels" if key == 2 and self.shares.change is not None else ""
             rows.append((key, f"{percent:5.1f} %  {name}{by}"))

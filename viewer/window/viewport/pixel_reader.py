@@ -44,8 +44,9 @@ class PixelReader:
 
     def read(self, frame: "Frame", name: str, *, texture: "moderngl.Texture | None" = None, wait: bool = False
              ) -> np.ndarray | None:
-        """What ``Frame.depth``, ``Frame.mask`` ("depth", "mask") or ``Frame.image`` of a view gives; None where it is not there
-        yet.  texture: another picture made of the frame, which ``name`` stands for.  wait: for the reading.
+        """What ``Frame.depth``, ``Frame.mask``, ``Frame.from_photographs`` ("depth", "mask", "photographs") or ``Frame.image``
+        of a view gives; None where it is not there yet.  texture: another picture made of the frame, which ``name`` stands for.
+        wait: for the reading.
 
         The frame must be the renderer's last one.  Raises DeviceLostError, and KeyError for a view that was not drawn.
         """
@@ -112,6 +113,9 @@ def _texture_of(frame: "Frame", name: str) -> "moderngl.Texture":
     if name == "mask":
         assert frame.mask_texture is not None
         return frame.mask_texture
+    if name == "photographs":
+        assert frame.photo_share is not None
+        return frame.photo_share
     return frame.textures[name]
 
 

@@ -150,6 +150,7 @@ class Viewport:
         if self.renderer is None or self._session.flight.moving:
             return False
         pages = self.renderer.pages
+        self._session.picture.dirty |= self.renderer.photographs.arrived
         if not (pages.arrived or pages.idle):
             return False
         self._session.picture.dirty |= pages.pending

@@ -63,21 +63,6 @@ def resampled(photo: StationPhoto, camera: Camera, depth: np.ndarray, ranges: np
     return out
 
 
-def filled_depth(depth: np.ndarray) -> np.ndarray:
-    """(H, W) float32 with every hole (+inf) filled from the measured depths around it: a pyramid of means, as a place for the
-    colour of a photograph.  All +inf where nothing was measured."""
-    known = np.isfinite(depth)
-    if known.all() or not known.any():
-        return depth
-    height, width = depth.shape
-    padded = np.pad(np.where(known, depth, 0.0), ((0, height % 2), (0, width % 2)))
-    count = np.pad(known, ((0, height % 2), (0, width % 2))).astype(np.float32)
-    total, count = (sum(a[y::2, x::2] for y in (0, 1) for x in (0, 1)) for a in (padded, count))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        coarse = filled_depth(np.where(count > 0, total / count, np.inf).astype(np.float32))
-    return np.where(known, depth, coarse.repeat(2, 0).repeat(2, 1)[:height, :width])
-
-
 def strength(distance: float, metres_per_unit: float | None, blend: float) -> float:
     """How much of the photograph is seen, 0 to 1: ``blend`` at its own place, 0 from FADE metres on.  distance: file units."""
     return blend * max(0.0, 1.0 - distance * (metres_per_unit or 1.0) / FADE)

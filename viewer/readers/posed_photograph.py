@@ -1,0 +1,30 @@
+"""Photographs with a pose, as far as they are known before their pictures are decoded."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+Lens = tuple[float, float, float, float]
+"""fx, fy, cx, cy in pixels; of a panorama fx and fy are pixels per radian."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedPhotograph:
+    """A photograph that is decoded when it is needed.
+
+    name: for messages, with its file.  kind: of viewer.readers.e57.e57_photographs.KINDS.  width, height: pixels of the file.
+    lens: at that size.  around: whether the columns close a circle.  camera_to_world: (4, 4) float64, the scan's coordinates,
+    in the frame of viewer.readers.e57.e57_photographs.
+    decode: the picture, (h, w, 3) uint8 sRGB with at most that many pixels along a side, and (h, w) bool where it holds
+    anything, None: everywhere.  Raises InputError where it is damaged.
+    """
+
+    name: str
+    kind: str
+    width: int
+    height: int
+    lens: Lens
+    around: bool
+    camera_to_world: np.ndarray
+    decode: Callable[[int], tuple[np.ndarray, np.ndarray | None]]

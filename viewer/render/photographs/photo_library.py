@@ -1,0 +1,201 @@
+"""The photographs of a scan: which are in reach of a view, prepared by need and kept within a budget of memory.
+
+A photograph is decoded and compared with the points once (viewer.render.photographs.photo_fit); one that does not fit is left
+out, and named in the log.  ``ready(wait=True)`` is pure: the same camera gives the same photographs.  Without waiting, a thread
+prepares those that are missing.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....model.common.process.processors import usable_processors
+from ...common.errors import InputError
+from ...readers.e57.e57_photographs import KINDS
+from ...readers.posed_photograph import PosedPhotograph
+from .photo_fit import PhotoFit, PointSample, fitted, point_sample
+from .photo_pool import PhotoPool, PreparedPhoto, prepared_photo
+from .shadow_kernels import count_votes
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+
+BUDGET = 1 << 30
+"""Bytes of decoded photographs that are kept: a choice, 24 panoramas of 4096 x 2048 with their mip levels."""
+LONGEST = 4096
+"""Pixels of a photograph's longer side as it is kept; larger ones are averaged down, as in the station view."""
+IN_REACH = 24
+"""Photographs at most for one picture."""
+PLACES = 600
+"""Places in the view by which photographs are chosen."""
+LEAST_VOTES = 0.002
+"""Share of all votes below which a photograph is not worth its memory."""
+
+log = logging.getLogger(__name__)
+
+
+class PhotoLibrary:
+    """The posed photographs of one scene.
+
+    wake: called on another thread when a photograph has been prepared that a picture lacked.  missing: photographs that the
+    last picture lacked.  arrived: whether more have come since.
+    """
+
+    def __init__(self, scene: "Scene", photographs: list[PosedPhotograph], wake: Callable[[], None] = lambda: None):
+        self.photographs, self._scene, self._wake = photographs, scene, wake
+        sizes = [_words(photo) for photo in photographs]
+        slot = max(sizes)
+        count = int(np.clip(BUDGET // (4 * slot), 4, len(photographs)))
+        self.pool = PhotoPool(count, slot)
+        self.missing = 0
+        self._fits: dict[int, PhotoFit | None] = {}
+        self._coming: dict[int, Future[PreparedPhoto | None]] = {}
+        self._threads: ThreadPoolExecutor | None = None
+        self._sampling = threading.Lock()
+        self._chosen: tuple[tuple, list[int]] | None = None
+
+    @cached_property
+    def _sample(self) -> PointSample:
+        return point_sample(self._scene)
+
+    @cached_property
+    def _geometry(self) -> tuple[np.ndarray, ...]:
+        """Of each photograph what count_votes takes; shifts are relative to the sample's origin."""
+        poses = np.stack([photo.camera_to_world for photo in self.photographs])
+        turns = np.ascontiguousarray(poses[:, :3, :3].transpose(0, 2, 1))
+        shifts = np.einsum("nij,nj->ni", turns, self._sampled().origin - poses[:, :3, 3])
+        return (turns, shifts, np.array([KINDS.index(photo.kind) for photo in self.photographs]),
+                np.array([photo.lens for photo in self.photographs], np.float64),
+                np.array([photo.around for photo in self.photographs]),
+                np.array([(photo.width, photo.height) for photo in self.photographs], np.float64))  # fmt: skip
+
+    def _sampled(self) -> PointSample:
+        with self._sampling:
+            return self._sample
+
+    @cached_property
+    def _places(self) -> np.ndarray:
+        """(n, 3) float32: an even part of the sample, relative to its origin."""
+        points = self._sampled().points
+        return points[np.random.default_rng(0).permutation(len(points))[: 40 * PLACES]]
+
+    def in_reach(self, camera: "Camera") -> list[int]:
+        """The photographs that show best what the camera sees, at most IN_REACH, in the order of their numbers."""
+        if self._chosen is not None and self._chosen[0] == camera.key:
+            return self._chosen[1]
+        eye = camera.position - self._sampled().origin
+        ray = self._places - eye
+        x, y, z = camera.view_rotation.astype(np.float32) @ ray.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+            inside = np.flatnonzero((z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height))
+        inside = inside[:PLACES]
+        rays = ray[inside].astype(np.float64)
+        rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
+        votes = np.zeros(len(self.photographs))
+        count_votes(self._places[inside].astype(np.float64), rays, votes, *self._geometry)
+        most = min(IN_REACH, self.pool.count)
+        best = [int(k) for k in np.argsort(-votes, kind="stable")[:most] if votes[k] > LEAST_VOTES * votes.sum()]
+        self._chosen = camera.key, sorted(best)
+        return self._chosen[1]
+
+    def ready(self, camera: "Camera", *, wait: bool) -> list[int]:
+        """Numbers of the photographs in reach that are in the pool now.  wait: for all of them; else a thread prepares them."""
+        wanted = [number for number in self.in_reach(camera) if self._fits.get(number, True) is not None]
+        absent = [number for number in wanted if number not in self.pool]
+        if absent:
+            self._begin(absent)
+        keep = frozenset(wanted)
+        for number in absent:
+            coming = self._coming[number]
+            if wait or coming.done():
+                photo = self._coming.pop(number).result()
+                if photo is not None:
+                    self.pool.put(number, photo, keep)
+        self.missing = sum(number in self._coming for number in absent)
+        return [number for number in wanted if number in self.pool]
+
+    @property
+    def arrived(self) -> bool:
+        """Whether a photograph that the last picture lacked is there now."""
+        return self.missing > 0 and any(coming.done() for coming in self._coming.values())
+
+    def _begin(self, numbers: list[int]) -> None:
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(min(2, usable_processors()), "photographs")
+        for number in numbers:
+            if number not in self._coming:
+                self._coming[number] = self._threads.submit(self._prepare, number)
+                self._coming[number].add_done_callback(lambda _: self._wake())
+
+    def _prepare(self, number: int) -> PreparedPhoto | None:
+        """On a thread: decoded and fitted; None where it is left out, which the log says."""
+        photo = self.photographs[number]
+        try:
+            picture, valid = photo.decode(LONGEST)
+        except InputError as error:
+            log.warning("%s; left out of pictures", error)
+            self._fits[number] = None
+            return None
+        if number not in self._fits:
+            fit = fitted(photo, picture, valid, self._sampled())
+            if fit is not None and not fit.fits:
+                log.warning("%s does not fit the points (it explains %.0f %% of their differences in colour, the median "
+                            "difference is %.0f of 255); left out of pictures", photo.name, 100 * fit.explained, fit.difference)
+                fit = None
+            elif fit is not None and fit.refined:
+                log.warning("%s: its pose was turned by %.2f degrees to fit the points", photo.name, fit.refined)
+            self._fits[number] = fit
+        fit = self._fits[number]
+        if fit is None:
+            return None
+        height, width = picture.shape[:2]
+        across, down = width / photo.width, height / photo.height
+        fx, fy, cx, cy = photo.lens
+        lens = fx * across, fy * down, cx * across, cy * down
+        return prepared_photo(picture, valid, KINDS.index(photo.kind), lens, photo.around, fit.camera_to_world, fit.nearest,
+                              fit.gains)  # fmt: skip
+
+    def release(self) -> None:
+        """Ends its threads."""
+        if self._threads is not None:
+            self._threads.shutdown(wait=True, cancel_futures=True)
+            self._threads = None
+
+
+def _words(photo: PosedPhotograph) -> int:
+    """Words at most of a photograph in the pool: mip levels with repeated borders, and the shadow map."""
+    share = min(1.0, LONGEST / max(photo.width, photo.height))
+    width, height = photo.width * share + 2, photo.height * share + 2
+    return int(width * height * 4 / 3 + 8 * (width + height)) + 64 + int(width * height / 9) + 64
+
+
+def library_of(scene: "Scene", wake: Callable[[], None] = lambda: None) -> PhotoLibrary | None:
+    """The photographs in the E57 files of a scene; None where there are none with a pose."""
+    from ...preprocess.scan_description import RecordOrigin
+    from ...readers.moved_source import moved_pose
+
+    found: list[PosedPhotograph] = []
+    origin = scene.meta.records or RecordOrigin()
+    for number, source in enumerate(map(Path, scene.meta.sources)):
+        if source.suffix.lower() != ".e57" or not source.is_file():
+            continue
+        from dataclasses import replace
+
+        from ...readers.e57.e57_photographs import posed_photographs
+
+        try:
+            posed, _ = posed_photographs(source)
+        except InputError as error:
+            log.warning("%s", error)
+            continue
+        move = origin.move_of(number)
+        found += [replace(photo, camera_to_world=moved_pose(move, photo.camera_to_world)) for photo in posed]
+    return PhotoLibrary(scene, found, wake) if found else None

@@ -1,0 +1,66 @@
+"""The photographs of a renderer's scene: its E57 files' own, or those given, and whether a picture uses them."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from ...common.errors import InputError
+from .photo_library import PhotoLibrary, library_of
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...picture.camera import Camera
+    from ...picture.edits import Edits
+    from ...picture.settings import Settings
+    from ...readers.posed_photograph import PosedPhotograph
+    from .photo_pool import PhotoPool
+
+
+class ScenePhotographs:
+    """Makes the library when the first picture wants it.  wake: as of PhotoLibrary."""
+
+    def __init__(self, scene: "Scene", wake: Callable[[], None] = lambda: None):
+        self._scene, self._wake = scene, wake
+        self._libraries: dict[str, PhotoLibrary | None] = {}
+        self._last: PhotoLibrary | None = None
+
+    def give(self, folder: str, photographs: "list[PosedPhotograph]") -> None:
+        """The photographs of a folder, the value of Settings.photos that names it."""
+        if folder not in self._libraries:
+            self._libraries[folder] = PhotoLibrary(self._scene, photographs, self._wake) if photographs else None
+
+    def knows(self, photos: str) -> bool:
+        """Whether a value of Settings.photos needs nothing to be given."""
+        return photos in ("auto", "off") or photos in self._libraries
+
+    def library(self, photos: str) -> PhotoLibrary | None:
+        """The photographs that a value of Settings.photos means; None where there are none."""
+        if photos not in self._libraries:
+            if not self.knows(photos):
+                raise InputError("its photographs were not read", option="photos", value=photos)
+            self._libraries[photos] = None if photos == "off" else library_of(self._scene, self._wake)
+        return self._libraries[photos]
+
+    def ready(self, camera: "Camera", settings: "Settings", edits: "Edits | None", *, wait: bool) -> list[int]:
+        """Numbers of the photographs that colour a picture, as PhotoLibrary.ready.  None where points show another value than
+        their colour."""
+        off = settings.photos == "off" or (edits is not None and edits.recolours)
+        self._last = None if off else self.library(settings.photos)
+        return [] if self._last is None else self._last.ready(camera, wait=wait)
+
+    @property
+    def pool(self) -> "PhotoPool":
+        """Of the library that was last asked."""
+        assert self._last is not None
+        return self._last.pool
+
+    @property
+    def arrived(self) -> bool:
+        """Whether a photograph that the last picture lacked is there now."""
+        return self._last is not None and self._last.arrived
+
+    def release(self) -> None:
+        for library in self._libraries.values():
+            if library is not None:
+                library.release()
+        self._libraries.clear()
+        self._last = None
