@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov, look_at
-from pointglass.viewer.picture.closed_depth import filled_depth
+from pointglass.viewer.preprocess.closed_depth import filled_depth
 from pointglass.viewer.readers.e57.e57_photographs import KINDS, read_station_photos
 from pointglass.viewer.work.pictures.photo_in_view import agreement, blended, nearest_ranges, resampled, strength
 

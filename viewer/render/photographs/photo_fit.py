@@ -13,7 +13,7 @@ import numpy as np
 from ....model.common.process.processors import in_rows
 from ....model.reference import filter_constants as constants
 from ....model.reference.photo_colours import HIDDEN
-from ...picture.closed_depth import filled_depth
+from ...preprocess.closed_depth import filled_depth
 from ...readers.e57.e57_photographs import KINDS
 from ..passes.filter import level_sizes
 from ..passes.filter_cpu import FilterLevel

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...picture.closed_depth import filled_depth
+from ...preprocess.closed_depth import filled_depth
 from ...readers.e57.e57_photographs import StationPhoto
 from ...work.pictures.photo_in_view import agreement, blended, nearest_ranges, resampled, strength
 from ...work.places.standing_place import sample_scene
