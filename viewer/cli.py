@@ -86,8 +86,7 @@ def _render(options: argparse.Namespace) -> int:
     from .work.pictures.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
-    exposures, shot = options.exposures, None
-    size = parse_size(options.size) if options.size else None
+    exposures, shot, size = options.exposures, None, parse_size(options.size) if options.size else None
     if options.like:
         shot = read_shot(options.like)
         settings, exposures = shot.spec.settings, shot.exposures
@@ -95,9 +94,8 @@ def _render(options: argparse.Namespace) -> int:
     else:
         cameras = read_cameras(options.cameras, size=size)
         specs = [PictureSpec(camera, settings, background=options.background) for camera in cameras]
-    if options.shard:
-        part, parts = parse_shard(options.shard)
-        specs = specs[part::parts]
+    part, parts = parse_shard(options.shard) if options.shard else (0, 1)
+    specs = specs[part::parts]
     _check_weights(settings)
     photographs = photographs_of_folder(settings)
     from .grid.open_scene import moves_as, open_scene, say_degrees

@@ -22,3 +22,9 @@ def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "l
     """Has a renderer use them."""
     if photographs is not None:
         renderer.photographs.give(settings.photos, photographs)
+
+
+def use_photographs(renderer: "Renderer", settings: "Settings") -> None:
+    """Has a renderer use the photographs of the folder that the settings name, read once.  Raises InputError."""
+    if not renderer.photographs.knows(settings.photos):
+        give_photographs(renderer, settings, photographs_of_folder(settings))

@@ -145,7 +145,7 @@ class Scan:
             return made
 
     def _picture(self, scene: Scene, camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
-        from ..commands.photo_option import give_photographs, photographs_of_folder
+        from ..commands.photo_option import use_photographs
         from ..picture.spec import PictureSpec
         from ..render.described_picture import render
         from ..work.pictures.shot_metadata import describe_shot
@@ -153,16 +153,14 @@ class Scan:
         spec, view = PictureSpec(camera, chosen, background="black"), chosen.view
         try:
             context, renderer = self._drawing or self._begin(scene)
-            if not renderer.photographs.knows(chosen.photos):
-                give_photographs(renderer, chosen, photographs_of_folder(chosen))
+            use_photographs(renderer, chosen)
             with context:  # another scan's context, or somebody else's, may be the current one
                 frame = render(renderer, spec, more=views_with_mask(view) if full else ())
                 image = as_picture(frame.image(view).copy(), describe_shot(scene, spec).drawn_with(renderer.choice.timed))
                 if not full:
                     return image
-                mask = frame.mask()
-                origin = provenance(view, np.asarray(image), mask, frame.from_photographs())
-                return Frame(image, frame.depth().copy(), mask, origin, frame.stats)
+                mask, photos = frame.mask(), frame.from_photographs()
+                return Frame(image, frame.depth().copy(), mask, provenance(view, np.asarray(image), mask, photos), frame.stats)
         except Exception as error:
             if is_opengl_error(error):
                 size = f"{camera.width}x{camera.height}"

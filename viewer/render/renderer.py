@@ -162,14 +162,8 @@ class Renderer:
                 photos = self.photographs.ready(camera, settings, edits, wait=not streaming)
                 textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, step.mask, network,
                                                    with_depth=filled_depth or bool(photos))
-                if filled_depth:
-                    frame.filled_depth = self._passes.fill_pass().depth
-                if photos:
-                    with stages("photographs"):
-                        frame.photo_share = self._passes.photographed(camera, self.photographs, photos, step.mask, network)
-                    frame.facts = replace(facts, photographs=len(photos))
-                if network is not None:
-                    network.photo_share = frame.photo_share
+                frame.filled_depth = self._passes.fill_pass().depth if filled_depth else None
+                self._passes.add_photographs(frame, self.photographs, photos, network, stages)
                 if network is not None:
                     frame.facts = self._runs.run(network, frame, self._serial, deferred=defer_network, streaming=streaming,
                                                  keep=keep_network, missing=self.pages.missing)

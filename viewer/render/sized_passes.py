@@ -1,6 +1,6 @@
 """The passes of a Renderer whose textures have the picture's size: of the present size, and of a few others that are kept."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ..common.errors import DeviceError, Option
@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     import moderngl
 
     from ...model.appearance.noise import NoiseModel
-    from ..picture.camera import Camera
     from ..picture.settings import Settings
     from .device.shader import Programs
+    from .frame import Frame
     from .network.neural import NeuralStage
     from .photographs.scene_photographs import ScenePhotographs
     from .raster.raster import Rasteriser
+    from .stage_times import Stages
 
 
 @dataclass(slots=True)
@@ -71,14 +72,19 @@ class SizedPasses:
         self.fill = self.fill or Fill(self.programs, self.size)
         return self.fill
 
-    def photographed(self, camera: "Camera", photographs: "ScenePhotographs", numbers: list[int], mask: "moderngl.Texture",
-                     network: "NeuralStage | None") -> "moderngl.Texture":
-        """Colours the filled picture, and the input of ``network``, from photographs of these numbers; returns their share."""
-        fill, pool = self.fill_pass(), photographs.pool
-        assert fill.depth is not None
-        self.photos = self.photos or PhotoPass(self.programs, self.size)
-        self.photos.run(fill.filled, fill.depth, mask, camera, pool, numbers, network.bridge.input if network else None)
-        return self.photos.share
+    def add_photographs(self, frame: "Frame", photographs: "ScenePhotographs", numbers: list[int],
+                        network: "NeuralStage | None", stages: "Stages") -> None:
+        """Colours the filled picture, and the input of ``network``, from photographs of these numbers, which ``frame`` then says."""
+        if numbers:
+            fill = self.fill_pass()
+            assert fill.depth is not None and frame.mask_texture is not None
+            self.photos = self.photos or PhotoPass(self.programs, self.size)
+            with stages("photographs"):
+                self.photos.run(fill.filled, fill.depth, frame.mask_texture, frame.camera, photographs.pool, numbers,
+                                network.bridge.input if network else None)
+            frame.photo_share, frame.facts = self.photos.share, replace(frame.facts, photographs=len(numbers))
+        if network is not None:
+            network.photo_share = frame.photo_share
 
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
         """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""
