@@ -74,7 +74,7 @@ class SizedPasses:
 
     def add_photographs(self, frame: "Frame", photographs: "ScenePhotographs", numbers: list[int],
                         network: "NeuralStage | None", stages: "Stages") -> None:
-        """Colours the filled picture, and the input of ``network``, from photographs of these numbers; ``frame`` then says so."""
+        """Colours the filled picture, and the input of ``network`` from these photographs; ``frame`` says so then."""
         if numbers:
             fill = self.fill_pass()
             assert fill.depth is not None and frame.mask_texture is not None
