@@ -23,6 +23,7 @@ from driver import Driver, middle
 
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.tool import Modifiers
+from pointglass.viewer.work.selecting.select_points import by_outline
 
 INTERVALS = 10
 WARM = INTERVALS // 2
@@ -169,7 +170,7 @@ class Monkey:
         context = self.d.app.tools
         if context.scene is None:
             return
-        kind = self._pick(("clip", "exposure", "colour", "up", "hide", "ghosts", "keyframe", "preview"))
+        kind = self._pick(("clip", "exposure", "colour", "up", "hide", "ghosts", "keyframe", "preview", "select"))
         if kind == "clip":
             tool = next(tool for tool in self.d.app.toolbox.tools if tool.name == "clip")
             tool.add(context, self._pick(("box", "upright", "level")))
@@ -185,6 +186,8 @@ class Monkey:
         elif kind == "preview":
             section = next(tool for tool in self.d.app.toolbox.tools if tool.name == "section")
             section.preview.shown = not section.preview.shown
+        elif kind == "select":
+            self._select(context)
         elif kind == "hide":
             edit(context, "hide", hidden_stations=self._pick(((), (0,))))
         else:
@@ -192,6 +195,22 @@ class Monkey:
                 "colour_by": self._pick(("rgb", "height", "distance", "intensity"))}
             edit(context, kind, look=replace(context.document.look, **change))
         context.renew_picture()
+
+    def _select(self, context) -> None:
+        """Selects by a random outline, or does something with what is selected."""
+        tool = next(tool for tool in self.d.app.toolbox.tools if tool.name == "select")
+        use = self._pick(("lasso", "lasso", "connected", "classify", "hide", "delete", "only", "invert"))
+        if use == "lasso":
+            corners, camera, scene = self.rng.uniform(0, 600, (5, 2)), context.camera, context.scene
+            tool.start(context, lambda: by_outline(scene, camera, corners), self._pick(("new", "add", "subtract")))
+        elif use == "connected" and context.session.point is not None:
+            tool._connected(tuple(context.session.point.tolist()), "new", context)
+        elif use == "invert":
+            tool.invert(context)
+        elif context.document.selection:
+            {"classify": lambda: tool.classify(context, int(self.rng.integers(20))), "hide": lambda: tool.keep(context),
+             "delete": lambda: tool.delete(context), "only": lambda: tool.show_alone(context, context.document.selection),
+             "connected": lambda: None}[use]()
 
     def load(self) -> None:
         if self.rng.random() < 0.1:
