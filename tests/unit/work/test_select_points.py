@@ -19,12 +19,34 @@ from pointglass.viewer.work.selecting.select_points import (
     in_box,
     in_sight,
     inside_outline,
+    not_covered,
 )
 from pointglass.viewer.work.selection import Selection
 
 SCENE = room(points=60_000, offset=(4e5, 5e6, 100.0))
 XYZ = unpack(SCENE)[0]
 NUMBERS = SCENE.records.numbers(slice(0, SCENE.count)) if SCENE.records is not None else np.zeros(0, int)
+
+
+def test_only_what_a_picture_shows_is_selected():
+    random = np.random.default_rng()
+    walls = [np.c_[random.uniform(0, 4, 60_000), np.full(60_000, y), random.uniform(0, 3, 60_000)] for y in (0.0, 2.0)]
+    scene = scene_from_arrays(np.concatenate(walls), np.zeros((120_000, 3), np.uint8))
+    camera = from_fov(80, 60, 60.0, look_at(np.array((2.0, -3.0, 1.5)), np.array((2.0, 0.0, 1.5))))
+    xyz = unpack(scene)[0]
+    pixels, away = camera.project(xyz)
+    inside = ((pixels >= 0) & (pixels < (80, 60))).all(axis=1)
+    column, row = pixels[inside].astype(int).T
+    depth = np.full((60, 80), np.inf, np.float32)
+    np.minimum.at(depth, (row, column), away[inside].astype(np.float32))
+    mask = np.isfinite(depth)
+    mask[:, :20] = False  # as the filter leaves pixels in which something nearer is missing
+    found = not_covered(scene, camera, np.ones(scene.count, bool), depth, mask)
+    kept = inside & (pixels[:, 0] >= 20)
+    assert found[kept & (xyz[:, 1] == xyz[:, 1].min())].all()
+    behind = kept & (xyz[:, 1] > 1.0)
+    over = (pixels[:, 0] > 25) & (pixels[:, 0] < 55) & (pixels[:, 1] > 15) & (pixels[:, 1] < 45)  # in front of it is the wall
+    assert not found[behind & over].any() and (behind & over).any() and not found[~kept].any()
 
 
 def random_outline(random) -> np.ndarray:

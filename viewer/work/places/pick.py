@@ -26,7 +26,7 @@ _PIXEL_SLACK = 0.02
 """Pixels of tolerance, more than the float32 rounding error of the rasteriser's projection."""
 _DEPTH_SLACK = 4e-6
 """Relative tolerance of a depth, more than its float32 rounding error."""
-_SOFT_RELATIVE, _SOFT_SPACINGS = 0.01, 1.0
+SOFT_RELATIVE, SOFT_SPACINGS = 0.01, 1.0
 """How far behind a pixel's depth points still belong to its surface: of the depth, and point spacings; the larger counts."""
 _NEIGHBOURS = 16
 """Points around, at least, from which spacing and noise are told; the ball grows until they are there."""
@@ -131,7 +131,7 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
     from . import pick_kernels  # numba: only once something is picked
 
     near = front * (1.0 - _DEPTH_SLACK)
-    far = max(front * (1.0 + _SOFT_RELATIVE), front + _SOFT_SPACINGS * scene.spacing)
+    far = max(front * (1.0 + SOFT_RELATIVE), front + SOFT_SPACINGS * scene.spacing)
     left, top = pixel[0] - _PIXEL_SLACK, pixel[1] - _PIXEL_SLACK
     right, bottom = pixel[0] + 1 + _PIXEL_SLACK, pixel[1] + 1 + _PIXEL_SLACK
     corners = camera.unproject([(x, y) for x in (left, right) for y in (top, bottom)] * 2, np.repeat([near, far], 4))

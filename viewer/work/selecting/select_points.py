@@ -16,6 +16,7 @@ from ...grid.scene import packed, positions, refuse_changed_file, scan_numbers
 from ...picture.clip import Box, normals
 from ...picture.edits import Edits
 from ...picture.point_sets import PointSet
+from ..places.pick import SOFT_RELATIVE, SOFT_SPACINGS
 from ..selection import Selection
 
 if TYPE_CHECKING:
@@ -63,6 +64,26 @@ def by_outline(scene: "Scene", camera: "Camera", corners: np.ndarray) -> np.ndar
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     return _run(scene, in_outline, scene.origin - camera.position, np.ascontiguousarray(camera.view_rotation), lens,
                 _possible(scene, camera, corners), corner, TILE, tiles, edges)
+
+
+def not_covered(scene: "Scene", camera: "Camera", hits: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(N,) bool: those of ``hits`` that a picture shows; changes ``hits``.
+
+    camera: at the size of the picture.  depth: (h, w) float32 view-space depth of its pixels.  mask: (h, w) bool, where the
+    filter kept them.  A point is shown where its pixel was kept and its depth is that of the pixel, as far behind as points of
+    one surface may be."""
+    height, width = depth.shape
+    with progress(scene.count, "Looking at what is covered", "point") as meter:
+        for start in range(0, scene.count, _BLOCK):
+            index = start + np.flatnonzero(hits[start : start + _BLOCK])
+            pixels, away = camera.project(positions(scene, packed(scene, index), index))
+            inside = (away > 0) & (pixels >= 0).all(axis=1) & (pixels < (width, height)).all(axis=1)
+            column, row = np.where(inside[:, None], pixels, 0.0).astype(int).T
+            front = depth[row, column]
+            limit = np.maximum(front * (1 + SOFT_RELATIVE), front + SOFT_SPACINGS * scene.spacing)
+            hits[index] = inside & mask[row, column] & (away <= limit)
+            meter.update(min(_BLOCK, scene.count - start))
+    return hits
 
 
 def in_box(scene: "Scene", box: Box) -> np.ndarray:

@@ -61,6 +61,9 @@ class SelectPanel:
                     tool.how = how
                 self._tip(ui, what[0].upper() + what[1:])
             ui.end_combo()
+        if tool.shape == "lasso":
+            tool.seen_only = ui.checkbox("only what is seen", tool.seen_only)[1]
+            self._tip(ui, "Points behind others stay as they are; otherwise all points inside the line, near or far")
         if tool.shape == "box":
             self._box(ui, context)
         elif tool.shape == "plane":

@@ -15,7 +15,16 @@ from ....picture.colour_modes import CLASSES
 from ....picture.point_sets import NO_POINTS, PointSet
 from ....work.selecting import set_changes
 from ....work.selecting.connected_region import connected_region
-from ....work.selecting.select_points import Selected, beside_plane, by_outline, combined, described, in_box, in_sight
+from ....work.selecting.select_points import (
+    Selected,
+    beside_plane,
+    by_outline,
+    combined,
+    described,
+    in_box,
+    in_sight,
+    not_covered,
+)
 from ...kit import icons
 from ..editing import Pointing, edit, points_in_sight
 from ..outline import Group
@@ -27,6 +36,7 @@ from .select_panel import SelectPanel
 from .set_job import SetJob
 
 if TYPE_CHECKING:
+    from ....picture.camera import Camera
     from ...kit.overlay import OverlayCanvas
     from ...kit.worker import Worker
 
@@ -40,8 +50,9 @@ _HINTS = {"box": "Click a measured point", "connected": "Click a measured point"
 
 
 class Select(Tool):
-    """shape: a key of SHAPES.  how: of viewer.work.selecting.select_points.HOW.  other_side: of a plane.  gap: file units that
-    separate what does not hang together; None: from the spacing.  smooth: what is connected ends at edges."""
+    """shape: a key of SHAPES.  how: of viewer.work.selecting.select_points.HOW.  seen_only: a lasso takes what the picture
+    shows, not what is behind it.  other_side: of a plane.  gap: file units that separate what does not hang together; None:
+    from the spacing.  smooth: what is connected ends at edges."""
 
     name, label, icon, key = "select", "Select", icons.SELECT, "R"
     help = "select by lasso, box, plane, surface: classify, hide, export"
@@ -51,7 +62,7 @@ class Select(Tool):
     def __init__(self) -> None:
         self.shape, self.how, self.other_side = "lasso", "new", False
         self.gap: float | None = None
-        self.smooth = True
+        self.smooth, self.seen_only = True, False
         self.outline_drawn, self.box, self.job = LassoOutline(), BoxHandles(), SetJob()
         self.places: list[Vector] = []  # of a plane
         self.facts: Selected | None = None
@@ -127,12 +138,32 @@ class Select(Tool):
         if self.shape == "lasso" and camera is not None and len(self.outline_drawn.corners) >= 3:
             corners = np.array(self.outline_drawn.corners)
             self.outline_drawn.drop()
-            self.start(context, lambda: by_outline(scene, camera, corners), self._how)
+            shown = self._shown(context) if self.seen_only else ()
+            if shown is None:
+                context.toast("The picture is not at rest: draw again in a moment")
+                return
+
+            def find() -> np.ndarray:
+                hits = by_outline(scene, camera, corners)
+                return not_covered(scene, *shown[:1], hits, *shown[1:]) if shown else hits
+
+            self.start(context, find, self._how)
         elif self.shape == "box" and self.box.box is not None:
             box = self.box.box
             self.start(context, lambda: in_box(scene, box), self.how)
         elif self.shape == "plane" and len(self.places) in (1, 3):
             self._plane(context)
+
+    @staticmethod
+    def _shown(context: ToolContext) -> "tuple[Camera, np.ndarray, np.ndarray] | None":
+        """The camera at the size of the picture shown, its depth and its mask; None where it does not show the present view."""
+        frame, session = context.viewport.frame, context.session
+        if frame is None or session.flight.moving or session.screen.needs_picture:
+            return None
+        depth, mask = (context.viewport.pixels.read(frame, name, wait=True) for name in ("depth", "mask"))
+        if depth is None or mask is None:
+            return None
+        return context.camera.resized(depth.shape[1], depth.shape[0]), depth, mask
 
     def _plane(self, context: ToolContext) -> None:
         scene, places, up = context.scene, np.array(self.places), np.array(context.document.up)
