@@ -1,17 +1,22 @@
 """Work is never lost without a question: what counts as changed, saving, leaving."""
 
 import dataclasses
+import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_picture_spec import other
 from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # noqa: F401  (a fixture)
 
 from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.point_sets import FileRuns, PointSet
+from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.window.kit.notices import OpenProject
+from pointglass.viewer.window.session.autosave import UnsavedWork
 from pointglass.viewer.window.session.exact_points import ExactPoints
 from pointglass.viewer.window.session.loading import Loaded
-from pointglass.viewer.window.session.recovery import recoverable
+from pointglass.viewer.window.session.recovery import Recoverable, recoverable
 from pointglass.viewer.window.session.scan_notice_actions import act_on_notice
 from pointglass.viewer.work.document import CameraPath, Document, Keyframe
 from pointglass.viewer.work.measuring.measurement import Begun, MeasuredPoint
@@ -21,10 +26,14 @@ from pointglass.viewer.work.project import places_in, read_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
 MOVED = ((1.0, 0.0, 0.0, 2.5), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+POINTS = PointSet((FileRuns("room.ply", 8, zlib.compress(np.array([2, 3], "<u8").tobytes())),))
+"""The third to the fifth of eight."""
 CHANGES: dict[str, object] = {
     "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "viewpoints": (Viewpoint("here", EYE, 60.0),), "look": Look(exposure=1.0),
     "path": CameraPath((Keyframe(0.0, Viewpoint("a", EYE, 60.0)),)), "clips": (BOX,), "measurements": (TAPE,),
     "annotations": (Annotation("a note", (0.0, 0.0, 0.0)),), "lock_measured": True, "ghosts": "dimmed",
+    "hidden_classes": (7,), "regions": (Region("wall", POINTS),), "reclassified": (ClassChange(6, POINTS),),
+    "selection": POINTS,
 }  # fmt: skip
 """Another value of each field that a person works on."""
 
@@ -55,6 +64,16 @@ def test_every_field_of_the_document_counts_as_work_but_where_the_camera_stands(
     window.session.view_settings.background = "sky"
     window.session.flight.field_of_view = 20.0
     assert not window.flow.changed, "flying is no change"
+
+
+def test_what_is_offered_after_a_crash_is_said_in_words_for_all_that_a_person_makes():
+    said = {"viewpoints": "1 bookmark", "path": "1 keyframe", "clips": "1 clip", "measurements": "1 measurement",
+            "annotations": "1 note", "regions": "1 region", "reclassified": "a new class for 3 points",
+            "selection": "3 selected points"}  # fmt: skip
+    for name, value in CHANGES.items():
+        document = dataclasses.replace(Document(), **{name: value})
+        text = Recoverable(Path("a.json"), UnsavedWork(document, "", "", "room", 0.0)).text
+        assert text == said.get(name, "changed settings of the picture"), name
 
 
 def test_a_change_after_saving_counts_and_undo_to_the_saved_state_does_not(window):

@@ -32,10 +32,15 @@ class Recoverable:
         document = self.unsaved.document
         parts = [(document.measurements, "measurement"), (document.clips, "clip"), (document.viewpoints, "bookmark"),
                  (document.path.keyframes, "keyframe"), (document.annotations, "note")]
+        parts += [(document.regions, "region"), ([scan for scan in document.scans if scan.transform], "moved scan")]
         texts = [counted(len(items), name) for items, name in parts if items]
+        if classified := sum(change.points.count for change in document.reclassified):
+            texts.append(f"a new class for {counted(classified, 'point')}")
+        if document.selection:
+            texts.append(f"{counted(document.selection.count, 'selected point')}")
         if self.unsaved.begun is not None:
             texts.append(f"a measurement not ended, of {counted(len(self.unsaved.begun.points), 'point')}")
-        return ", ".join(texts) or "changed settings"
+        return ", ".join(texts) or "changed settings of the picture"
 
     def belongs_to(self, document: Document, project: Path | None) -> bool:
         """Whether it was made of the scans, or in the project, that are open."""
