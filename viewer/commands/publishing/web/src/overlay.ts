@@ -90,8 +90,10 @@ export class Overlay {
       const size = Math.min(Math.max((0.36 * view.scene.metre) / on.depth / view.pixel, 11), 90);
       element.style.transform = `translate(${on.x.toFixed(1)}px, ${on.y.toFixed(1)}px)`;
       const ring = element.firstElementChild as HTMLElement;
-      ring.style.width = `${(2 * size).toFixed(1)}px`;
-      ring.style.height = `${(2 * size * flat).toFixed(1)}px`;
+      const shape = `${Math.round(2 * size)}px ${Math.round(2 * size * flat)}px`;
+      if (ring.dataset.shape === shape) continue; // a new size costs a layout
+      ring.dataset.shape = shape;
+      [ring.style.width, ring.style.height] = shape.split(" ");
     }
     for (const { element, point } of this.notes) {
       const on = view.going || !view.place ? null : view.project(point);
@@ -105,6 +107,7 @@ export class Overlay {
   private drawLines(): void {
     const { view } = this;
     const all = this.measurements();
+    if (all.length === 0 && !this.lines.firstChild) return;
     this.lines.replaceChildren();
     this.labels.replaceChildren();
     for (const made of all) {

@@ -201,7 +201,10 @@ export class Panorama {
 
   // metre: units in a metre.  Throws where the browser has no WebGL 2.
   constructor(readonly canvas: HTMLCanvasElement, metre: number) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
+    const asked = { alpha: false, antialias: false, stencil: false, powerPreference: "high-performance" } as const;
+    const context = canvas.getContext("webgl2", asked) as WebGL2RenderingContext | null;
+    if (!context) throw new Error("no WebGL 2");
+    this.renderer = new WebGLRenderer({ canvas, context, ...asked });
     this.renderer.autoClear = false;
     this.renderer.setClearColor(0x17191d); // as what is behind pictures (viewer.picture.background.PLAIN)
     this.here = new Layer(metre, true);
