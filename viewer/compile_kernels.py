@@ -5,7 +5,8 @@
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
 with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it,
 points at it, looks for passers-by, compares two clouds, lays a photograph over a view, renders the scan in every
-view, and opens it once more from the cache.  Without it the first scan that is opened waits for the compiler instead.
+view and with a photograph, and opens it once more from the cache.
+Without it the first scan that is opened waits for the compiler instead.
 """
 
 import contextlib
@@ -141,6 +142,7 @@ def _render_demo() -> None:
     from .grid.open_scene import open_scene
     from .picture.settings import Settings
     from .picture.views import VIEWS
+    from .readers.posed_photograph import PosedPhotograph
     from .render.culling.occlusion import Occlusion
     from .render.device.context import create_context
     from .render.renderer import Renderer
@@ -152,6 +154,11 @@ def _render_demo() -> None:
         renderer = Renderer(context, open_scene(demo_scan()))
         try:
             renderer.render(camera, Settings(), views=tuple(VIEWS))
+            own = renderer.render(camera, Settings(view="filled"), views=("filled",)).image("filled")[..., :3].copy()
+            lens = camera.fx, camera.fy, camera.cx, camera.cy
+            renderer.photographs.give("own", [PosedPhotograph("own", "pinhole", camera.width, camera.height, lens, False,
+                                                              camera.camera_to_world, lambda _: (own, None))])
+            renderer.render(camera, Settings(view="filled", photos="own"))
             history = Occlusion()
             for _ in range(2):
                 renderer.render(camera, Settings(view="filled", lod=1.0), history=history, streaming=True)

@@ -36,8 +36,8 @@ LEAST_ANGLE = 0.02
 """1 - cosine of the angle between both rays below which nearer photographs are not better: 11 degrees."""
 BORDER = 0.02
 """Share of a photograph's width over which its weight falls to 0 at its border."""
-MOST = 4
-"""Photographs that are blended in a pixel."""
+MOST = 3
+"""Photographs that are blended in a pixel: the fewest of which two can outvote one."""
 POINTS_VOTE = 0.5
 """Weight of the points' colour, relative to the best photograph's, in the choice of the colour that the others must agree
 with."""

@@ -142,7 +142,8 @@ def _photographs_text(found: Sequence[StoredPicture]) -> str:
     names = [f"{one.name} ({one.width} x {one.height}{'' if one.placed else ', without a pose'})" for one in found]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     poses = f", {without} without a pose" if 0 < without < len(found) else ""
-    return f"{counted(len(found), 'photograph')}{poses}: {', '.join(names[:_NAMED])}{more}"
+    used = "" if without == len(found) else f"; {len(found) - without} with a pose may colour pictures (--photos)"
+    return f"{counted(len(found), 'photograph')}{poses}: {', '.join(names[:_NAMED])}{more}{used}"
 
 
 def _noise_facts(scene: Scene) -> dict | None:

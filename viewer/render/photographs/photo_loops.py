@@ -33,23 +33,23 @@ _F = np.float32
 
 
 @compiled(nogil=True)
-def _candidates(numbers, places, lens, left, top, right, bottom, near, far, found):
+def _candidates(num, whole, lens, left, top, right, bottom, near, far, found):
     """Writes to ``found`` the photographs whose frustum a block of the view frustum may meet, and returns how many."""
     count = 0
-    for photo in range(len(numbers)):
-        record, whole = numbers[photo], places[photo]
-        if whole[KIND] == PINHOLE:
+    for photo in range(len(num)):
+        if whole[photo, KIND] == PINHOLE:
             outside = 31  # of five planes: in front, and the four sides
             for corner in range(8):
                 z = near if corner & 1 else far
                 u = ((right if corner & 2 else left) - lens[2]) / lens[0] * z
                 v = ((bottom if corner & 4 else top) - lens[3]) / lens[1] * z
-                x = record[TURN] * u + record[TURN + 1] * v + record[TURN + 2] * z + record[SHIFT]
-                y = record[TURN + 3] * u + record[TURN + 4] * v + record[TURN + 5] * z + record[SHIFT + 1]
-                d = -(record[TURN + 6] * u + record[TURN + 7] * v + record[TURN + 8] * z + record[SHIFT + 2])
-                fx, fy, cx, cy = record[LENS], record[LENS + 1], record[LENS + 2], record[LENS + 3]
+                x = num[photo, TURN] * u + num[photo, TURN + 1] * v + num[photo, TURN + 2] * z + num[photo, SHIFT]
+                y = num[photo, TURN + 3] * u + num[photo, TURN + 4] * v + num[photo, TURN + 5] * z + num[photo, SHIFT + 1]
+                d = -(num[photo, TURN + 6] * u + num[photo, TURN + 7] * v + num[photo, TURN + 8] * z + num[photo, SHIFT + 2])
+                fx, fy, cx, cy = num[photo, LENS], num[photo, LENS + 1], num[photo, LENS + 2], num[photo, LENS + 3]
                 out = (1 if d <= 0 else 0) + (2 if cx * d + fx * x < 0 else 0) + (8 if cy * d - fy * y < 0 else 0)
-                out += (4 if (whole[WIDTH] - cx) * d - fx * x < 0 else 0) + (16 if (whole[HEIGHT] - cy) * d + fy * y < 0 else 0)
+                out += 4 if (whole[photo, WIDTH] - cx) * d - fx * x < 0 else 0
+                out += 16 if (whole[photo, HEIGHT] - cy) * d + fy * y < 0 else 0
                 outside &= out
             if outside:
                 continue
@@ -59,16 +59,16 @@ def _candidates(numbers, places, lens, left, top, right, bottom, near, far, foun
 
 
 @compiled(nogil=True)
-def _sample(words, whole, level, column, row, gains, out):
-    """Bilinear colour times gains into out (3,); False where a texel holds nothing."""
-    width, height, start = whole[WIDTH], whole[HEIGHT], whole[LEVEL + level]
+def _sample(words, num, whole, photo, level, column, row, colours, k):
+    """Bilinear colour times gains into colours[k]; False where a texel holds nothing."""
+    width, height, start = whole[photo, WIDTH], whole[photo, HEIGHT], whole[photo, LEVEL + level]
     for _ in range(level):
         width, height = (width + 1) // 2, (height + 1) // 2
-    a, b = column * (_F(width) / _F(whole[WIDTH])) - _F(0.5), row * (_F(height) / _F(whole[HEIGHT])) - _F(0.5)
+    a, b = column * (_F(width) / _F(whole[photo, WIDTH])) - _F(0.5), row * (_F(height) / _F(whole[photo, HEIGHT])) - _F(0.5)
     left, top = int(np.floor(a)), int(np.floor(b))
     s, t = a - _F(left), b - _F(top)
     right, below, top = left + 1, min(top + 1, height - 1), max(top, 0)
-    if whole[AROUND]:
+    if whole[photo, AROUND]:
         left, right = left % width, right % width
     else:
         left, right = max(left, 0), min(right, width - 1)
@@ -80,13 +80,17 @@ def _sample(words, whole, level, column, row, gains, out):
         shift = 8 * c
         upper = _F((one >> shift) & 255) * (_F(1.0) - s) + _F((two >> shift) & 255) * s
         lower = _F((three >> shift) & 255) * (_F(1.0) - s) + _F((four >> shift) & 255) * s
-        out[c] = (upper * (_F(1.0) - t) + lower * t) * gains[c]
+        colours[k, c] = (upper * (_F(1.0) - t) + lower * t) * num[photo, GAINS + c]
     return True
 
 
 @compiled(nogil=True)
 def _vote(colours, weights, count, base, out):
     """The mean of ``count`` colours, those that disagree outvoted, into out (3,).  weights[0] is the largest."""
+    if count == 1:  # the points alone do not outvote it
+        for c in range(3):
+            out[c] = min(colours[0, c], _F(255.0))
+        return
     best, middle = _F(np.inf), 0
     own = _F(POINTS_VOTE) * weights[0]
     for j in range(count + 1):
@@ -116,9 +120,9 @@ def _vote(colours, weights, count, base, out):
 
 @compiled(nogil=True)
 def photograph_rows(filled, depth, certain, grid, lens, numbers, places, words, network, made, share, first, last):
-    """Writes made (H, W, 4) uint8 and share (H, W) uint8 of the tile rows ``first`` to ``last``.
+    """Colours made (H, W, 4) uint8, a copy of ``filled``, and share (H, W) uint8, zeros, in tile rows ``first`` to ``last``.
 
-    filled: (H, W, 4) uint8.  certain: of certain_rows.  grid: of count_measured.  lens: (4,) float32.
+    filled: (H, W, 4) uint8.  certain: of least_rows.  grid: of count_measured.  lens: (4,) float32.
     words: uint32 of the pool.  network: (H, W, 4) uint32, the network's input, changed where photographs colour; (0, 0, 4):
     none.
     """
@@ -134,33 +138,23 @@ def photograph_rows(filled, depth, certain, grid, lens, numbers, places, words, 
             near, far = _F(np.inf), _F(0.0)
             for y in range(top, bottom):
                 for x in range(left, right):
-                    made[y, x] = filled[y, x]
-                    share[y, x] = 0
-                    if depth[y, x] > _F(0.0):
-                        near, far = min(near, depth[y, x]), max(far, depth[y, x])
+                    z = depth[y, x]
+                    near, far = min(near, z if z > _F(0.0) else near), max(far, z)
             if not far > _F(0.0):
                 continue
             count = _candidates(numbers, places, lens, left, top, right, bottom, near, far, found)
             if count == 0:
                 continue
             for y in range(top, bottom):
-                up, down = max(y - 1, 0), min(y + 1, height - 1)
                 for x in range(left, right):
-                    z = depth[y, x]
-                    if not z > _F(0.0):
-                        continue
-                    sure = _F(1.0)
-                    for j in range(up, down + 1):
-                        for i in range(max(x - 1, 0), min(x + 1, width - 1) + 1):
-                            sure = min(sure, certain[j, i])
+                    sure = certain[y, x]
                     if sure <= _F(0.0):
                         continue
                     kept = _best(depth, grid, lens, numbers, places, ranges, x, y, sure, found, count, weights, confident, who,
                                  where)
                     most, used = _F(0.0), 0
                     for k in range(kept):
-                        if _sample(words, places[who[k]], int(where[k, 2]), where[k, 0], where[k, 1],
-                                   numbers[who[k], GAINS : GAINS + 3], colours[used]):
+                        if _sample(words, numbers, places, who[k], int(where[k, 2]), where[k, 0], where[k, 1], colours, used):
                             weights[used] = weights[k]
                             most, used = max(most, confident[k]), used + 1
                     if used == 0:
@@ -172,22 +166,22 @@ def photograph_rows(filled, depth, certain, grid, lens, numbers, places, words, 
                         made[y, x, c] = np.uint8(base[c] + (out[c] - base[c]) * most + _F(0.5))
                     share[y, x] = np.uint8(most * _F(255.0) + _F(0.5))
                     if len(network) > 0:
-                        _tell_network(network[y, x], made[y, x], share[y, x])
+                        _tell_network(network, y, x, made, share[y, x])
 
 
 @compiled(nogil=True)
-def _tell_network(pixel, colour, share):
+def _tell_network(network, y, x, made, share):
     """Sets the colour in the network's input; where the photograph prevails, measured without noise."""
-    pixel[0] = HALVES[colour[0]] | HALVES[colour[1]] << np.uint32(16)
+    network[y, x, 0] = HALVES[made[y, x, 0]] | HALVES[made[y, x, 1]] << np.uint32(16)
     if share > 127:
-        pixel[1] = HALVES[colour[2]] | _ONE << np.uint32(16)
-        pixel[2] = pixel[2] & np.uint32(0xFFFF)
+        network[y, x, 1] = HALVES[made[y, x, 2]] | _ONE << np.uint32(16)
+        network[y, x, 2] = network[y, x, 2] & np.uint32(0xFFFF)
     else:
-        pixel[1] = HALVES[colour[2]] | (pixel[1] & np.uint32(0xFFFF0000))
+        network[y, x, 1] = HALVES[made[y, x, 2]] | (network[y, x, 1] & np.uint32(0xFFFF0000))
 
 
 @compiled(nogil=True)
-def _best(depth, grid, lens, numbers, places, ranges, x, y, sure, found, count, weights, confident, who, where):
+def _best(depth, grid, lens, num, whole, ranges, x, y, sure, found, count, weights, confident, who, where):
     """The best photographs of a pixel: their weight, confidence, number, and column, row and mip level.  Returns how many."""
     height, width = depth.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
@@ -216,49 +210,50 @@ def _best(depth, grid, lens, numbers, places, ranges, x, y, sure, found, count, 
     kept = 0
     for k in range(count):
         photo = found[k]
-        t, whole = numbers[photo], places[photo]
-        qx = t[TURN] * px + t[TURN + 1] * py + t[TURN + 2] * z + t[SHIFT]
-        qy = t[TURN + 3] * px + t[TURN + 4] * py + t[TURN + 5] * z + t[SHIFT + 1]
-        qz = t[TURN + 6] * px + t[TURN + 7] * py + t[TURN + 8] * z + t[SHIFT + 2]
-        wide, high = whole[WIDTH], whole[HEIGHT]
-        if whole[KIND] == PINHOLE:
+        qx = num[photo, TURN] * px + num[photo, TURN + 1] * py + num[photo, TURN + 2] * z + num[photo, SHIFT]
+        qy = num[photo, TURN + 3] * px + num[photo, TURN + 4] * py + num[photo, TURN + 5] * z + num[photo, SHIFT + 1]
+        qz = num[photo, TURN + 6] * px + num[photo, TURN + 7] * py + num[photo, TURN + 8] * z + num[photo, SHIFT + 2]
+        wide, high = whole[photo, WIDTH], whole[photo, HEIGHT]
+        if whole[photo, KIND] == PINHOLE:
             if not qz < _F(0.0):
                 continue
-            column, row = t[LENS + 2] - qx / qz * t[LENS], t[LENS + 3] + qy / qz * t[LENS + 1]
+            column = num[photo, LENS + 2] - qx / qz * num[photo, LENS]
+            row = num[photo, LENS + 3] + qy / qz * num[photo, LENS + 1]
         else:
             flat = np.sqrt(qx * qx + qy * qy)
             if not flat > _F(0.0):
                 continue
-            rise = np.arctan2(qz, flat) if whole[KIND] == SPHERICAL else qz / flat
-            column, row = t[LENS + 2] - np.arctan2(qy, qx) * t[LENS], t[LENS + 3] - rise * t[LENS + 1]
-            if whole[AROUND]:
+            rise = np.arctan2(qz, flat) if whole[photo, KIND] == SPHERICAL else qz / flat
+            column = num[photo, LENS + 2] - np.arctan2(qy, qx) * num[photo, LENS]
+            row = num[photo, LENS + 3] - rise * num[photo, LENS + 1]
+            if whole[photo, AROUND]:
                 column -= np.floor(column / _F(wide)) * _F(wide)
         if not (_F(0.0) <= column < _F(wide) and _F(0.0) <= row < _F(high)):
             continue
         far = np.sqrt(qx * qx + qy * qy + qz * qz)
-        across = min(int(column * (_F(whole[MAP_WIDTH]) / _F(wide))), whole[MAP_WIDTH] - 1)
-        along = min(int(row * (_F(whole[MAP_HEIGHT]) / _F(high))), whole[MAP_HEIGHT] - 1)
-        nearest = ranges[whole[MAP] + along * whole[MAP_WIDTH] + across]
+        across = min(int(column * (_F(whole[photo, MAP_WIDTH]) / _F(wide))), whole[photo, MAP_WIDTH] - 1)
+        along = min(int(row * (_F(whole[photo, MAP_HEIGHT]) / _F(high))), whole[photo, MAP_HEIGHT] - 1)
+        nearest = ranges[whole[photo, MAP] + along * whole[photo, MAP_WIDTH] + across]
         visible = min(max(_F(2.0) - (far / nearest - _F(1.0)) * _F(1.0 / HIDDEN), _F(0.0)), _F(1.0))
-        footprint = far / t[LENS] * fx / z
+        footprint = far / num[photo, LENS] * fx / z
         fine = min(max((_F(COARSE[1]) - footprint / spacing) * _F(1.0 / (COARSE[1] - COARSE[0])), _F(0.0)), _F(1.0))
         if visible * fine <= _F(0.0):
             continue
-        rx = (t[TURN] * qx + t[TURN + 3] * qy + t[TURN + 6] * qz) / far
-        ry = (t[TURN + 1] * qx + t[TURN + 4] * qy + t[TURN + 7] * qz) / far
-        rz = (t[TURN + 2] * qx + t[TURN + 5] * qy + t[TURN + 8] * qz) / far
+        rx = (num[photo, TURN] * qx + num[photo, TURN + 3] * qy + num[photo, TURN + 6] * qz) / far
+        ry = (num[photo, TURN + 1] * qx + num[photo, TURN + 4] * qy + num[photo, TURN + 7] * qz) / far
+        rz = (num[photo, TURN + 2] * qx + num[photo, TURN + 5] * qy + num[photo, TURN + 8] * qz) / far
         facing = abs(rx * nx + ry * ny + rz * nz)
         steep = min(max((facing - _F(GRAZING[0])) * _F(1.0 / (GRAZING[1] - GRAZING[0])), _F(0.0)), _F(1.0))
         confidence = sure * visible * fine * steep
         border = min(row, _F(high) - row)
-        if not whole[AROUND]:
+        if not whole[photo, AROUND]:
             border = min(border, min(column, _F(wide) - column))
         apart = _F(1.0) - min(max(rx * vx + ry * vy + rz * vz, _F(-1.0)), _F(1.0))
         weight = confidence * facing / ((_F(LEAST_ANGLE) + apart) * footprint)
         weight *= min(border / (_F(BORDER) * _F(wide)), _F(1.0))
         if not weight > _F(0.0) or (kept == MOST and weight <= weights[MOST - 1]):
             continue
-        level = min(max(np.floor(np.log2(_F(1.0) / footprint) + _F(0.5)), _F(0.0)), _F(whole[LEVELS] - 1))
+        level = min(max(np.floor(np.log2(_F(1.0) / footprint) + _F(0.5)), _F(0.0)), _F(whole[photo, LEVELS] - 1))
         place = min(kept, MOST - 1)
         while place > 0 and weights[place - 1] < weight:
             weights[place], confident[place], who[place] = weights[place - 1], confident[place - 1], who[place - 1]

@@ -52,6 +52,23 @@ def certain_rows(depth, certain, first, last):
             certain[y, x] = min(max(_F(2.0) - bend * z * _F(1.0 / BEND), _F(0.0)), _F(1.0))
 
 
+@compiled(nogil=True)
+def least_rows(certain, least, first, last):
+    """The least of 3 x 3 pixels of ``certain``, of rows ``first`` to ``last``."""
+    height, width = certain.shape
+    line = np.empty(width, np.float32)
+    for y in range(first, last):
+        above, here, below, made = certain[max(y - 1, 0)], certain[y], certain[min(y + 1, height - 1)], least[y]
+        for x in range(width):
+            line[x] = min(min(above[x], here[x]), below[x])
+        made[0], made[width - 1] = line[0], line[width - 1]
+        inner, left, right, middle = made[1:-1], line[:-2], line[2:], line[1:-1]
+        for x in range(len(inner)):
+            inner[x] = min(min(left[x], right[x]), middle[x])
+        if width > 1:
+            made[0], made[width - 1] = min(line[0], line[1]), min(line[width - 1], line[width - 2])
+
+
 @compiled(nogil=True, inline="always")
 def _inverse(z):
     return _F(1.0) / z if z > _F(0.0) else _F(0.0)

@@ -51,7 +51,8 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
 
 def as_planned(spec: "PictureSpec", plan: "Plan", begun: str | None) -> "PictureSpec":
     """The description of what is rendered for ``spec``, with what the plan leaves out.  begun: the network started besides."""
-    settings = replace(spec.settings, lod=plan.level, quality=plan.network or begun or spec.settings.quality)
+    photos = "off" if plan.moving else spec.settings.photos  # in flight there is no time for them
+    settings = replace(spec.settings, lod=plan.level, quality=plan.network or begun or spec.settings.quality, photos=photos)
     return replace(spec, camera=scaled(spec.camera, plan.scale), settings=settings, views=plan.views)
 
 
@@ -187,9 +188,8 @@ class Viewport:
             self.frame = self._unreported = None
             session.failed(error if str(error) else _NO_MEMORY)
             return
-        session.picture.moved = self.moved.share
         self._shown = tuple(view if view in frame.textures else "filled" for view in plan.views)
-        self._asked = spec.views
+        self._asked, session.picture.moved = spec.views, self.moved.share
         self._rate.add(perf_counter())
         # beside a network: its time says nothing of pictures that have the processors to themselves
         self._report(replace(plan, contended=True) if renderer.keeps_network else plan, frame)

@@ -26,6 +26,7 @@ from ..editing import edit, metres_per_unit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
+from .photo_switch import coloured_surfaces
 from .picture_viewer import PictureViewer, of_scan
 
 if TYPE_CHECKING:
@@ -271,6 +272,8 @@ class Stations(Tool):
                 self.show(context, photo)
             ui.pop_id()
         self._pictures(ui, context)
+        if self.photos:
+            coloured_surfaces(ui, context)
         if shown is None:
             return
         ui.set_next_item_width(-1)

@@ -1,0 +1,50 @@
+"""A window does not wait for photographs: its first picture is without them, a later one the same bytes as one that waited."""
+
+import time
+
+import numpy as np
+import pytest
+
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.picture.camera import from_fov
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.readers.posed_photograph import PosedPhotograph
+from pointglass.viewer.render.renderer import Renderer
+
+
+@pytest.fixture
+def wall(seed):
+    """A textured wall of few points, its photograph from the front, and a camera beside it."""
+    rng = np.random.default_rng(seed)
+    noise = rng.integers(40, 216, (24, 32, 3)).astype(np.float32)
+    texture = noise.repeat(10, 0).repeat(10, 1).astype(np.uint8)  # 320 x 240 over 4 x 3 units at z = -2
+    xy = rng.uniform((-2, -1.5), (2, 1.5), (9000, 2))
+    rgb = texture[np.clip((1.5 - xy[:, 1]) * 80, 0, 239).astype(int), np.clip((xy[:, 0] + 2) * 80, 0, 319).astype(int)]
+    scene = scene_from_arrays(np.c_[xy, np.full(len(xy), -2.0)], rgb, noise=False)
+    lens = 160.0, 160.0, 160.0, 120.0
+    photo = PosedPhotograph("wall", "pinhole", 320, 240, lens, False, np.eye(4), lambda _: (texture, None))
+    pose = np.eye(4)
+    pose[0, 3] = 0.3
+    return scene, photo, from_fov(160, 120, 60.0, pose)
+
+
+def test_photographs_come_later_and_make_the_same_picture(context, wall):
+    scene, photo, camera = wall
+    woken = []
+    made = []
+    for streaming in (True, False):
+        renderer = Renderer(context, scene, wake=lambda: woken.append(1))
+        renderer.photographs.give("wall", [photo])
+        settings = Settings(view="filled", photos="wall")
+        frame = renderer.render(camera, settings, streaming=streaming)
+        if streaming:
+            plain = renderer.render(camera, Settings(view="filled", photos="off")).image("filled").copy()
+            end = time.monotonic() + 60
+            while not renderer.photographs.library("wall")._coming[0].done() and time.monotonic() < end:
+                time.sleep(0.01)
+            frame = renderer.render(camera, settings, streaming=True)
+        share = frame.from_photographs()
+        assert share is not None and share.mean() > 0.5 and frame.facts.photographs == 1
+        made.append(frame.image("filled").copy())
+        renderer.release()
+    assert woken and np.array_equal(made[0], made[1]) and not np.array_equal(made[0], plain)

@@ -1,0 +1,16 @@
+"""The switch in the panel of stations that has photographs colour surfaces from any viewpoint."""
+
+from dataclasses import replace
+from typing import Any
+
+from ..tool import ToolContext
+
+
+def coloured_surfaces(ui: Any, context: ToolContext) -> None:
+    """The switch for surfaces coloured by photographs."""
+    chosen = context.session.view_settings
+    changed, on = ui.checkbox("Colour surfaces by photographs", chosen.shown_settings.photos != "off")
+    if changed:
+        chosen.request(replace(chosen.shown_settings, photos="auto" if on else "off"))
+    if ui.is_item_hovered():
+        ui.set_tooltip("in the filled and neural views at rest, where photographs are finer than the points")
