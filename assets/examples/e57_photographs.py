@@ -23,7 +23,7 @@ def main(out: Path, file: Path | None = None) -> None:
             picture.save(out / f"{number}_photograph.png")
             if photograph.camera is None:  # no pose, or not a pinhole camera
                 continue
-            frame = scan.render(photograph.camera, view="filled", full=True)
+            frame = scan.render(photograph.camera, view="filled", full=True, photos="off")
             frame.save(out / f"{number}_scan.png")
             seen = frame.provenance > 0
             error = np.abs(np.asarray(picture, int) - np.asarray(frame.image, int)[..., :3])[seen].mean()

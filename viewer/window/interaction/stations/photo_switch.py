@@ -14,3 +14,9 @@ def coloured_surfaces(ui: Any, context: ToolContext) -> None:
         chosen.request(replace(chosen.shown_settings, photos="auto" if on else "off"))
     if ui.is_item_hovered():
         ui.set_tooltip("in the filled and neural views at rest, where photographs are finer than the points")
+
+
+def about_view(context: ToolContext) -> str:
+    """What is said of a comparison between a photograph and the view, where photographs have coloured the view."""
+    frame = context.viewport.frame
+    return ", which photographs colour" if frame is not None and frame.facts.photographs else ""

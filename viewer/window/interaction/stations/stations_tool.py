@@ -26,7 +26,7 @@ from ..editing import edit, metres_per_unit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
-from .photo_switch import coloured_surfaces
+from .photo_switch import about_view, coloured_surfaces
 from .picture_viewer import PictureViewer, of_scan
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ class Stations(Tool):
                 overlay.text((middle - overlay.theme.px(10), bottom), "photograph", align=(1.0, 1.0))
                 view = f"{context.session.screen.drawn[-1]} view"
                 overlay.text((middle + overlay.theme.px(10), bottom), view, align=(0.0, 1.0))
-            text = f"photograph against the view: {psnr:.1f} dB PSNR"
+            text = f"photograph against the view: {psnr:.1f} dB PSNR{about_view(context)}"
             overlay.text((left + width / 2, top + overlay.theme.px(64)), text, align=(0.5, 0.0))
 
     def outline(self, context: ToolContext) -> tuple[Group, ...]:
@@ -285,7 +285,7 @@ class Stations(Tool):
             _, percent = slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%")
             shown.split_at = percent / 100.0 if np.isfinite(percent) else shown.split_at
         if (psnr := context.viewport.photos.psnr) is not None:
-            ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view")
+            ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view{about_view(context)}")
         else:
             away = float(np.linalg.norm(context.camera.position - shown.photo.position))
             unit = "m" if metres_per_unit(context) else "units"
