@@ -22,8 +22,7 @@ from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film,
-    SceneSettings,
+    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film, SceneSettings,
 )  # fmt: skip
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 
