@@ -94,7 +94,7 @@ def open_heading(faces: PlaceFaces) -> float:
     yaws, reach = [], []
     for number, (forward, _) in enumerate(list(FACES.values())[:4]):
         depth = faces.scale.depths(faces.codes[number][rows])
-        steps = np.log(np.where(depth > 0, depth, depth.max() or 1.0))
+        steps = np.log(np.where(depth > 0, depth, faces.scale.near))  # nothing there is nothing to look at
         yaws.append((np.degrees(np.arctan2(forward[1], forward[0]) - np.arctan(across))) % 360)
         reach.append(steps.mean(axis=0))
     sums, edges = np.histogram(np.concatenate(yaws), 72, (0, 360), weights=np.concatenate(reach))

@@ -24,6 +24,9 @@ _ELSEWHERE = 0.35
 """Worth of what is seen from a place to which one cannot walk from where a person would begin."""
 _OUT_OF_SIGHT = 0.5
 """Further factor where no earlier place sees it: one could not point at it to go there."""
+_GROUNDED = 0.75
+"""Share of the directions below the horizon in which something must have been measured around a place, where any place has that
+much: in street_corner.laz one would stand under the street without.  The plans of studio.laz and plant_room.laz stay."""
 _NEAREST = 1.2
 """Metres between two places, at least."""
 
@@ -44,6 +47,8 @@ def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray
     covered = np.zeros(len(some), bool)
     linked, apart, first = np.ones(len(candidates), bool), np.ones(len(candidates), bool), 0.0
     worth = np.where(home, 1.0, _ELSEWHERE)
+    grounded = np.array([_ground(nearest) for _, _, nearest in views]) >= _GROUNDED
+    worth = worth * grounded if grounded.any() else worth
     while len(chosen) < most:
         gain = (seen & ~covered).sum(axis=1) * worth * np.where(linked, 1.0, _OUT_OF_SIGHT) * apart
         best = int(gain.argmax())
@@ -84,6 +89,12 @@ def _sight(points: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarra
     nearest = np.full(_COLUMNS * _ROWS, np.inf)
     np.minimum.at(nearest, direction, far)
     return far, far <= _BEHIND * nearest[direction], nearest
+
+
+def _ground(nearest: np.ndarray) -> float:
+    """Share of the directions below the horizon in which something was measured, in blocks of 4 x 4 of them."""
+    below = np.isfinite(nearest.reshape(_ROWS, _COLUMNS)[_ROWS // 2 :])
+    return float(below.reshape(_ROWS // 8, 4, _COLUMNS // 4, 4).any(axis=(1, 3)).mean())
 
 
 def _in_sight(places: np.ndarray, eye: np.ndarray, nearest: np.ndarray) -> np.ndarray:
