@@ -35,10 +35,13 @@ NORMAL_AT = 3
 LEAST_ANGLE = 0.02
 """1 - cosine of the angle between both rays below which nearer photographs are not better: 11 degrees."""
 BORDER = 0.02
-"""Share of a photograph's width over which its weight falls to 0 at its border."""
+"""Share of a photograph's width over which its weight falls to AT_BORDER at its border."""
+AT_BORDER = 0.5
+"""Where two faces of a panorama meet, both still outweigh photographs from elsewhere: with 0 a line of other colours was
+seen."""
 MOST = 3
 """Photographs that are blended in a pixel: the fewest of which two can outvote one."""
-POINTS_VOTE = 0.5
+POINTS_VOTE = 0.2
 """Weight of the points' colour, relative to the best photograph's, in the choice of the colour that the others must agree
 with."""
 AGREES = 25.0
@@ -177,7 +180,8 @@ def _seen(photo: ReferencePhoto, place, view, normal, certain, spacing, focal):
     border = np.minimum(row, height - row) if photo.around else np.minimum(np.minimum(column, width - column),
                                                                            np.minimum(row, height - row))
     apart = 1 - np.clip((ray * view).sum(-1), -1, 1)
-    weight = confidence * facing / ((LEAST_ANGLE + apart) * footprint) * np.clip(border / (BORDER * width), 0, 1)
+    inner = AT_BORDER + (1 - AT_BORDER) * np.clip(border / (BORDER * width), 0, 1)
+    weight = confidence * facing / ((LEAST_ANGLE + apart) * footprint) * inner
     seen &= weight > 0
     level = np.where(seen, np.clip(np.floor(np.log2(1 / np.where(seen, footprint, 1.0)) + 0.5), 0, len(photo.levels) - 1), 0)
     colour = np.zeros((*certain.shape, 4))

@@ -9,6 +9,7 @@ import numpy as np
 from ....model.common.jit import compiled
 from ....model.reference.photo_colours import (
     AGREES,
+    AT_BORDER,
     BLOCK,
     BORDER,
     COARSE,
@@ -250,7 +251,7 @@ def _best(depth, grid, lens, num, whole, ranges, x, y, sure, found, count, weigh
             border = min(border, min(column, _F(wide) - column))
         apart = _F(1.0) - min(max(rx * vx + ry * vy + rz * vz, _F(-1.0)), _F(1.0))
         weight = confidence * facing / ((_F(LEAST_ANGLE) + apart) * footprint)
-        weight *= min(border / (_F(BORDER) * _F(wide)), _F(1.0))
+        weight *= _F(AT_BORDER) + _F(1.0 - AT_BORDER) * min(border / (_F(BORDER) * _F(wide)), _F(1.0))
         if not weight > _F(0.0) or (kept == MOST and weight <= weights[MOST - 1]):
             continue
         level = min(max(np.floor(np.log2(_F(1.0) / footprint) + _F(0.5)), _F(0.0)), _F(whole[photo, LEVELS] - 1))
