@@ -1,16 +1,21 @@
 """Scans or a project from the command line, opened for a tool that works on measured points: export and sections."""
 
 import argparse
+import logging
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..work.document import Document, ScanFile
 from ..work.ghosts import prepared
-from ..work.project import check_projects, is_project, moves_of, read_project, scans_of
+from ..work.moved_scans import difference
+from ..work.project import check_projects, is_project, moves_of, places_in, read_project, scans_of
 from ..work.reference import with_reference
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
+
+_log = logging.getLogger(__name__)
 
 
 def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[Scene, Document]":
@@ -18,7 +23,7 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
 
     options: as viewer.commands.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options``
     say.  Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system
-    that is not known.
+    that is not known.  A warning names each scan that is another file than the project was saved with.
     """
     from ..grid.open_scene import open_scene
 
@@ -26,6 +31,7 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
     if is_project(options.scans[0]):
         document = read_project(options.scans[0])
         scans = scans_of(options.scans[0], document)
+        _warn_of_replaced(options.scans[0], document)
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     matched = bool(options.exposures == "matched") if match is None else match
@@ -33,6 +39,15 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
                        moves=moves_of(document.scans))
     scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
+
+
+def _warn_of_replaced(project: Path, document: Document) -> None:
+    """Points of regions and classes are kept by their numbers in the file: in another file these may be other points."""
+    places, has_sets = places_in(project), bool(document.regions or document.reclassified or document.selection)
+    for scan in document.scans:
+        if scan.visible and (why := difference(Path(scan.path), scan.path, places[scan.path])):
+            which = " Its regions and classes may hold other points now: look at them in the window." if has_sets else ""
+            _log.warning("%s: the project was saved with another file of this name. %s%s", scan.path, why, which)
 
 
 def project_scene(options: argparse.Namespace) -> "Scene":

@@ -106,6 +106,19 @@ def test_a_set_of_another_file_does_nothing_and_a_line_says_so(tmp_path, seed, c
     assert raw(tmp_path / "out.las").tobytes() == raw(path).tobytes()
 
 
+def test_a_file_with_as_many_other_points_is_told(tmp_path, seed, capfd):
+    """Sets go by numbers of records: the same points in another order are other points, and only the checksum tells."""
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=1, count=100)
+    project, *_ = project_of(tmp_path, path, np.random.default_rng(seed))
+    for told in (False, True):
+        assert main(["export", str(project), "--out", str(tmp_path / "out.las"), "--no-cache"]) == 0
+        assert ("may hold other points now" in capfd.readouterr().err) == told
+        scan = laspy.read(path)
+        scan.points = scan.points[np.arange(99, -1, -1)]
+        scan.write(path)
+
+
 def test_python_exports_classes(tmp_path, seed):
     path = tmp_path / "scan.las"
     random_las(path, seed, point_format=6, count=2000)

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from ...work.viewpoint import Viewpoint
 
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
-_REPLACED = "The work of the project is kept, at its places. Saving the project takes the file that is there now for its scan."
+_REPLACED = "Work is kept at its places; regions and classes go by point numbers: maybe other points. Saving takes this file."
 
 
 class Session:
