@@ -81,12 +81,12 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _publish_options(parser: argparse.ArgumentParser) -> None:
-    from .commands.publishing.command import add_arguments
+    from .commands.publishing.command import VIEWS_SHOWN, add_arguments
 
     add_scans(parser)
     add_exposures(parser)
     add_arguments(parser)
-    add_settings(parser)
+    add_settings(parser, views=VIEWS_SHOWN)
     add_memory(parser)
 
 
@@ -126,7 +126,7 @@ def _bench_options(parser: argparse.ArgumentParser) -> None:
     from .bench import add_arguments
 
     add_arguments(parser)
-    add_settings(parser, view=False)
+    add_settings(parser, views=())
 
 
 def _simulate_options(parser: argparse.ArgumentParser) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..common.errors import InputError
 from ..work.document import Document, ScanFile
 from ..work.ghosts import prepared
 from ..work.moved_scans import difference
@@ -18,12 +19,14 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[Scene, Document]":
+def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False) -> "tuple[Scene, Document]":
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
     options: as viewer.commands.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options``
-    say.  Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system
-    that is not known.  A warning names each scan that is another file than the project was saved with.
+    say.  writes: whether points are written by the regions and classes of the project.  A warning names each scan that is
+    another file than the project was saved with.
+    Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system that is
+    not known, and, with ``writes``, where regions or classes are of another file.
     """
     from ..grid.open_scene import open_scene
 
@@ -31,7 +34,7 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
     if is_project(options.scans[0]):
         document = read_project(options.scans[0])
         scans = scans_of(options.scans[0], document)
-        _warn_of_replaced(options.scans[0], document)
+        _tell_of_replaced(options.scans[0], document, writes)
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     matched = bool(options.exposures == "matched") if match is None else match
@@ -41,13 +44,17 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 
 
-def _warn_of_replaced(project: Path, document: Document) -> None:
+def _tell_of_replaced(project: Path, document: Document, writes: bool) -> None:
     """Points of regions and classes are kept by their numbers in the file: in another file these may be other points."""
-    places, has_sets = places_in(project), bool(document.regions or document.reclassified or document.selection)
+    places, has_sets = places_in(project), bool(document.regions or document.reclassified)
     for scan in document.scans:
         if scan.visible and (why := difference(Path(scan.path), scan.path, places[scan.path])):
+            said = f"the project was saved with another file of this name. {why}"
+            if has_sets and writes:
+                raise InputError(f"{said} Its regions and classes may hold other points now", file=scan.path,
+                                 remedy="look at them in the window and save the project")
             which = " Its regions and classes may hold other points now: look at them in the window." if has_sets else ""
-            _log.warning("%s: the project was saved with another file of this name. %s%s", scan.path, why, which)
+            _log.warning("%s: %s%s", scan.path, said, which)
 
 
 def project_scene(options: argparse.Namespace) -> "Scene":

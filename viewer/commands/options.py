@@ -97,11 +97,14 @@ def _refuse_empty(args: Sequence[str]) -> None:
             raise InputError(f"{name} is empty", remedy="give it a value, or leave it out")
 
 
-def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
-    """The options of viewer.picture.settings.Settings, from its own tables.  view: whether to add --view."""
+def add_settings(parser: argparse.ArgumentParser, *, views: Sequence[str] = tuple(CHOICES["view"])) -> None:
+    """The options of viewer.picture.settings.Settings, from its own tables.  views: those that --view offers; none: it is not
+    added."""
     defaults = Settings()
     for name, table in CHOICES.items():
-        if name == "view" and not view:
+        if name == "view":
+            table = {key: text for key, text in table.items() if key in views}
+        if not table:
             continue
         texts = "; ".join(f"{key}: {text}" for key, text in table.items()).replace("%", "%%")
         default = getattr(defaults, name)

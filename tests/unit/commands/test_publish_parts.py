@@ -5,11 +5,14 @@ import hashlib
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pointglass.viewer.cli import main
+from pointglass.viewer.commands.publishing.command import left_out
 from pointglass.viewer.commands.publishing.data_scripts import comment_of, script
 from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
 from pointglass.viewer.commands.publishing.plan_picture import storeys
@@ -118,3 +121,19 @@ def test_the_page_asks_for_nothing_and_runs_nothing_inline():
     assert "default-src 'none'" in page and "connect-src" not in page and "unsafe" not in page
     assert "<style" not in page and "style=" not in page and "onclick" not in page and "onload" not in page
     assert page.count("<script") == page.count("<script src=") == 1 and "http:" not in page.replace("http://www.w3.org", "")
+
+
+def test_what_a_page_does_not_show_of_a_project_is_said(seed):
+    from documents import random_document
+
+    document = random_document(np.random.default_rng(seed), ["a.ply"])
+    assert left_out(document).startswith("4 measurements")
+    assert left_out(replace(document, measurements=(), annotations=())) == ""
+    with_picture = replace(document.annotations[0], picture="a.png")
+    assert left_out(replace(document, measurements=(), annotations=(with_picture,) * 2)) == "2 attached pictures"
+
+
+def test_only_views_without_holes_are_offered(capsys):
+    with pytest.raises(SystemExit):
+        main(["publish", "--help"])
+    assert "--view {filled,neural}" in " ".join(capsys.readouterr().out.split())

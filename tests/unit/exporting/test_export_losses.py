@@ -8,6 +8,7 @@ import pytest
 from e57_files import Writer, contents
 from laspy.vlrs.vlrlist import VLRList
 
+import pointglass
 from pointglass.viewer import cli
 from pointglass.viewer.readers.e57.e57_nodes import library
 
@@ -89,3 +90,16 @@ def test_joined_las_of_different_layouts_keep_records_that_do_not_collide_and_na
     assert "records maker 1 of later files differ" in told and "maker 5 are larger than 65535 bytes and left out" in told
     export(tmp_path / "b.las", "--out", tmp_path / "c.ply")
     assert "records maker 1, maker 2, maker 3, maker 4, maker 5 are left out" in capsys.readouterr().err
+
+
+def test_whole_numbers_that_e57_cannot_hold_are_rounded_and_named(tmp_path, capfd):
+    header = laspy.LasHeader(point_format=0, version="1.2")
+    header.add_extra_dim(laspy.ExtraBytesParams("ticks", np.uint64))
+    made = laspy.LasData(header)
+    made.x, made.y, made.z = np.arange(12.0).reshape(3, 4)
+    made.ticks = np.array([0, 5, 2**63, 2**64 - 1], np.uint64)
+    made.write(tmp_path / "a.las")
+    export(tmp_path / "a.las", "--out", tmp_path / "a.e57")
+    assert "ticks is rounded to doubles" in capfd.readouterr().err
+    with pointglass.open(tmp_path / "a.e57", cache=False) as scan:
+        np.testing.assert_array_equal(scan.points[:]["ticks"], [0.0, 5.0, 2.0**63, 2.0**64])

@@ -125,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
     boxes, classes = clips_of(options.clip), classes_of(options.classes)
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
-    scene, document = opened(options, match=matched or not options.no_cache)
+    scene, document = opened(options, match=matched or not options.no_cache, writes=True)
     region = None if options.region is None else region_named(document.regions, options.region)
     if region is not None:
         document = replace(document, regions=tuple(each for each in document.regions if each is not region))

@@ -1,16 +1,22 @@
 """``pointglass publish``: a folder that any browser shows: panoramas to look around in, to walk through and to measure on."""
 
 import argparse
+import logging
 from pathlib import Path
 
-from ...common.errors import InputError
 from ...common.text import bytes_text, counted, with_whole_characters
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
+from ...preprocess.scan_description import ScanWarning, WarningTopic
+from ...work.document import Document
 from ..options import memory_of
+
+_log = logging.getLogger(__name__)
 
 SIDES = (512, 1024, 2048)
 """Pixels of a cube's face."""
+VIEWS_SHOWN = "filled", "neural"
+"""In the others there are holes."""
 _SECOND = [name for name, view in VIEWS.items() if "network" not in view.passes]
 
 
@@ -29,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--title", default="", metavar="TEXT", help="of the page (default: the name of the scan or project)")
 
 
+def left_out(document: Document) -> str:
+    """What the project has and a publication does not show, in words; "" for nothing."""
+    pictures = sum(bool(note.picture) for note in document.annotations)
+    parts = (len(document.measurements), "measurement"), (pictures, "attached picture")
+    return " and ".join(counted(number, name) for number, name in parts if number)
+
+
 def run(options: argparse.Namespace, settings: Settings) -> int:
     """The command.  Returns the exit code.  Raises PointglassError."""
     from .places import chosen_places, parse_places
@@ -36,8 +49,6 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
 
     wanted = parse_places(options.places)
     check_folder(options.out)
-    if settings.view not in ("filled", "neural"):
-        raise InputError("expected filled or neural: in the others there are holes", option="--view", value=settings.view)
     from ...render.described_picture import Composer
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
@@ -46,6 +57,8 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     context = create_context()
     scene, document = opened(options)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
+    if lost := left_out(document):
+        _log.warning("%s", ScanWarning(f"{lost} of the project: the page shows none of it", WarningTopic.LEFT_OUT))
     try:
         places = chosen_places(scene, document, wanted)
         form = Form(side=options.face_size, second=None if options.second == "none" else options.second)

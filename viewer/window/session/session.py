@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from ...work.viewpoint import Viewpoint
 
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
-_REPLACED = "Work is kept at its places; regions and classes go by point numbers: maybe other points. Saving takes this file."
+_REPLACED = "Measurements stay at their places; regions and classes may hold other points. Saving the project takes this file."
 
 
 class Session:

@@ -22,6 +22,8 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _COLOURS = ("colorRed", "colorGreen", "colorBlue")
 _BLOCK = 1 << 18
 """Records written at a time."""
+_LARGEST = 2**63 - 1
+"""Whole number: E57's are of 64 bits with a sign."""
 
 
 def write_e57(path: Path, stream: Stream, found: Survey, reference: Reference, losses: Losses) -> None:
@@ -34,7 +36,7 @@ def write_e57(path: Path, stream: Stream, found: Survey, reference: Reference, l
         image.root().set("data3D", scans)
         image.root().set("images2D", libe57.VectorNode(image, True))
         infos = stream.scan_info()
-        plan = _Fields(found)
+        plan = _Fields(found, losses)
         for only in [None] if found.runs else sorted(found.counts):
             _write_scans(image, scans, stream, plan, infos, only)
 
@@ -72,8 +74,8 @@ def _write_scans(image: Any, scans: Any, stream: Stream, plan: "_Fields", infos:
 class _Fields:
     """The fields of a record, the same in all scans."""
 
-    def __init__(self, found: Survey):
-        self._found = found
+    def __init__(self, found: Survey, losses: Losses):
+        self._found, self._losses = found, losses
         double = np.dtype(np.float64)
         self._nodes: dict[str, tuple] = dict.fromkeys(_CARTESIAN, ("float", double))
         self._columns: dict[str, tuple[str, int | None]] = {}
@@ -99,7 +101,11 @@ class _Fields:
             low, high = (int(column.low), int(column.high)) if column.low <= column.high else (0, 0)
             if name == "intensity" and low >= 0 and high <= 65535:
                 low, high = 0, 65535
-            self._nodes[made] = ("integer", min(low, 0), max(high, 0))
+            if high > _LARGEST:
+                self._nodes[made] = ("float", np.dtype(np.float64))
+                self._losses.add(f"{name} is rounded to doubles, as E57 holds no whole number above {_LARGEST:,}")
+            else:
+                self._nodes[made] = ("integer", min(low, 0), max(high, 0))
         self._columns[made] = (name, element)
 
     def scan(self, image: Any, scans: Any, info: ScanInfo) -> Any:
