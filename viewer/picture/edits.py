@@ -19,6 +19,9 @@ from .views import POINT_VIEWS
 
 GHOSTS = ("shown", "dimmed", "hidden")
 """What may be done with points that another station saw through."""
+LITTLE = 0.01
+"""Share of the points: someone who walked by, a tripod, a car.  Without them a room is as closed as before; a wall of a room
+has more."""
 UP_AXES: dict[str, Vector] = {
     "z": (0.0, 0.0, 1.0), "y": (0.0, 1.0, 0.0), "x": (1.0, 0.0, 0.0),
     "-z": (0.0, 0.0, -1.0), "-y": (0.0, -1.0, 0.0), "-x": (-1.0, 0.0, 0.0),
@@ -78,6 +81,11 @@ class Edits:
         """Whether some points may not be drawn."""
         hidden = self.hidden_stations or self.hidden_classes or hidden_regions(self.regions)
         return bool(active(self.clips) or hidden or self.ghosts == "hidden")
+
+    def drops_much(self, count: int) -> bool:
+        """Whether more may not be drawn than regions that together hold at most LITTLE of ``count`` points."""
+        others = self.hidden_stations or self.hidden_classes or active(self.clips) or self.ghosts == "hidden"
+        return bool(others) or sum(region.points.count for region in hidden_regions(self.regions)) > LITTLE * count
 
     @property
     def recolours(self) -> bool:

@@ -243,9 +243,9 @@ class Renderer:
         return self.pages.missing
 
     def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
-        """What separates holes from background: the scan's surfaces; the picture alone where edits drop points of them."""
-        around = self._enclosure.around(camera.position)
-        return Directions(np.full_like(around.closed, OPEN), None) if edits is not None and edits.drops else around
+        """What separates holes from background: the scan's surfaces; the picture alone where edits drop much of them."""
+        around, dropped = self._enclosure.around(camera.position), edits is not None and edits.drops_much(self.scene.count)
+        return Directions(np.full_like(around.closed, OPEN), None) if dropped else around
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a benchmark replaces it."""
