@@ -57,10 +57,10 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     context = create_context()
     scene, document = opened(options)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
-    if lost := left_out(document):
-        _log.warning("%s", ScanWarning(f"{lost} of the project: the page shows none of it", WarningTopic.LEFT_OUT))
     try:
         places = chosen_places(scene, document, wanted)
+        if lost := left_out(document):
+            _log.warning("%s", ScanWarning(f"{lost} of the project: the page shows none of it", WarningTopic.LEFT_OUT))
         form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
         title = with_whole_characters(options.title or options.scans[0].resolve().stem)
         made = Publication(scene, document, settings, places, options.out, title, form)
