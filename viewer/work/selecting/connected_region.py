@@ -23,8 +23,8 @@ SPACINGS = 5.0
 """The usual gap in point spacings: 25 points of a surface in a cube.  Half of it leaves holes in a random sample of a surface
 with as many points; chosen on synthetic rooms."""
 TURN = 25.0
-"""Degrees between the normals of neighbouring cubes, at most.  A pipe is whole where its radius is above 20 spacings (at 14, one
-of twelve synthetic pipes came to 64 %); edges of 90 degrees are told by their neighbourhood, which is not flat."""
+"""Degrees between the normals of neighbouring cubes, at most.  A pipe is whole where its radius is above 20 spacings (at 14,
+one of twelve synthetic pipes came to 64 %); edges of 90 degrees are told by their neighbourhood, which is not flat."""
 FLAT = 0.08
 """Of a flat neighbourhood of 3 x 3 x 3 cubes, the least variance over the middle one; of a right angle in it 0.25 and more."""
 FEWEST = 6
