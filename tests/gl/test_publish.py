@@ -18,10 +18,12 @@ from PIL import Image
 
 from pointglass.viewer.commands.publishing.cube_faces import face_cameras
 from pointglass.viewer.commands.publishing.depth_codes import DepthScale, unpacked_depth
+from pointglass.viewer.commands.publishing.publication import alone
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
@@ -62,10 +64,23 @@ def project(folder, scan):
 
     views = view("By the window", EYE, (1, 0, 0)), view(HOSTILE, EYE + (1.6, 0.4, 0.1), (0, 1, -0.2))
     at = tuple((OFFSET + (1.0, 4.0, 1.2)).tolist())
+    photograph(folder / "my.jpg")
     notes = (Annotation(f"{HOSTILE}\nsecond line", at, link="https://example.org/"),
-             Annotation("Tür", at, picture=str(folder / "my.png")))
-    write_project(folder / "flat.pointglass", Document(scans=(ScanFile(str(scan)),), viewpoints=views, annotations=notes))
+             Annotation("Tür", at, picture=str(folder / "my.jpg")), Annotation("gone", at, picture=str(folder / "my.png")))
+    ends = [MeasuredPoint(tuple((OFFSET + end).tolist()), 0.01, NOISE, scan="room.laz") for end in ((0, 1, 1), (6, 1, 1))]
+    document = Document(scans=(ScanFile(str(scan)),), viewpoints=views, annotations=notes,
+                        measurements=(Measurement("distance", tuple(ends), HOSTILE),))
+    write_project(folder / "flat.pointglass", document)
     return folder / "flat.pointglass"
+
+
+def photograph(path):
+    """Left half red, right half blue, with what a camera writes about its owner."""
+    exif = Image.Exif()
+    exif[0x013B], exif[0x010F] = "Anna Author", "SecretCam"
+    half = np.zeros((600, 800, 3), np.uint8)
+    half[:, :400, 0] = half[:, 400:, 2] = 200
+    Image.fromarray(half).save(path, exif=exif, comment=b"at home")
 
 
 def publish(*arguments, **options):
@@ -80,13 +95,13 @@ def value_of(file):
 
 @pytest.fixture(scope="module")
 def published(tmp_path_factory):
-    """(folder, project, what the command printed)."""
+    """(folder, project, what the command printed on both streams)."""
     folder = tmp_path_factory.mktemp("scans of anna")
     scan = project(folder, room(folder / "room.laz", 5))
     out = folder / "site"
     done = publish(scan, "--out", out, "--view", "filled", "--places", "viewpoints", "--title", HOSTILE)
     assert done.returncode == 0, done.stderr
-    return out, scan, done.stdout
+    return out, scan, done.stdout + done.stderr
 
 
 def test_every_face_is_the_picture_that_render_makes(published, renderer_of):
@@ -122,8 +137,10 @@ def test_depth_is_that_of_the_room_and_holes_are_not_measured(published):
 
 
 def test_text_stays_text_and_nothing_tells_of_the_machine(published):
-    out, scan, _ = published
-    telling = {str(Path.home()), str(scan.parent), str(Path.cwd()), "scans of anna", "room.laz", "my.png", "/tmp/"}
+    out, scan, told = published
+    assert re.search(r"left out: .*my\.png.*not there", told)
+    telling = {str(Path.home()), str(scan.parent), str(Path.cwd()), "scans of anna", "room.laz", "my.jpg", "my.png", "/tmp/",
+               "Anna Author", "SecretCam"}
     telling |= {getpass.getuser()} if len(getpass.getuser()) > 4 else set()
     for file in (file for file in out.rglob("*") if file.is_file()):
         text = file.read_bytes().decode("utf-8")
@@ -135,6 +152,14 @@ def test_text_stays_text_and_nothing_tells_of_the_machine(published):
     assert data["title"] == data["viewpoints"][1]["name"] == data["places"][1]["name"] == HOSTILE
     assert data["notes"][0]["text"].splitlines()[0] == HOSTILE and data["notes"][0]["link"] == "https://example.org/"
     assert data["unit"] == "m" and data["places"][0]["plan"] == 0 and len(data["plans"]) == 1
+    assert [note["picture"] for note in data["notes"]] == [None, [800, 600], None]
+    picture = base64.b64decode(value_of(out / "notes" / "001.picture.js")["pictures"][0])
+    assert not [word for word in (b"Anna", b"Secret", b"EXIF", b"home") if word in picture]
+    shown = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), int)
+    assert np.abs(shown[300, [200, 600]] - ((200, 0, 0), (0, 0, 200))).max() < 30
+    made = data["measurements"][0]
+    assert made["name"] == HOSTILE and made["text"].startswith("6.00") and made["text"].endswith(" m")
+    assert np.allclose(np.diff(made["lines"][0]["points"], axis=0) @ np.array(data["axes"]).T, (6, 0, 0), atol=1e-4)
     assert abs(data["viewpoints"][0]["yaw"]) < 0.1 and data["viewpoints"][0]["place"] == 0
     file = np.array(data["axes"]) @ data["places"][0]["position"] + data["origin"]
     assert np.allclose(file, EYE + OFFSET, atol=1e-9)
@@ -176,6 +201,15 @@ def test_what_cannot_be_published_is_refused_in_a_line(published, tmp_path, argu
     done = publish(scan, "--out", tmp_path / "new", *arguments)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and told in done.stderr
     assert not (tmp_path / "new").exists()
+
+
+def test_a_second_publication_into_one_folder_is_refused_while_the_first_runs(published, tmp_path):
+    _, scan, _ = published
+    (tmp_path / "site" / "places").mkdir(parents=True)
+    with alone(tmp_path / "site"):
+        done = publish(scan, "--out", tmp_path / "site", "--view", "filled", "--places", "1")
+    assert done.returncode == 2 and done.stderr.splitlines()[-1].count("another publication is being written") == 1
+    assert not (tmp_path / "site" / "index.html").exists() and not list((tmp_path / "site" / "places").iterdir())
 
 
 def test_a_folder_with_other_files_is_left_alone(published, tmp_path):

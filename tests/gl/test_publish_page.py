@@ -75,6 +75,12 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         page.until("window.pointglass.view.index === 1 && location.hash.startsWith('#place=2')")
         assert page.value("document.getElementById('place').textContent").startswith("</script>")
         assert page.value("document.querySelectorAll('#lists img, #overlay img, header img').length") == 0
+        page.value("document.querySelector('#lists .given').click(); document.querySelectorAll('.note')[1].click()")
+        page.until("document.querySelectorAll('#note-picture:not([hidden]), .length.project').length === 2")
+        assert page.value("document.querySelector('.length.project').textContent").startswith("6.00")
+        drawn = "document.getElementById('note-small').getContext('2d').getImageData(9, 9, 1, 1).data"
+        red, _, blue = page.value(f"[...{drawn}]")[:3]
+        assert red > 150 and blue < 60
         assert page.complaints == []
         folder = site.as_uri()
         outside = [address for address in page.requests if not address.startswith((folder, "data:", "blob:"))]

@@ -5,17 +5,19 @@ import hashlib
 import json
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pointglass.viewer.cli import main
-from pointglass.viewer.commands.publishing.command import left_out
 from pointglass.viewer.commands.publishing.data_scripts import comment_of, script
 from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
+from pointglass.viewer.commands.publishing.measured_data import measurements_data
 from pointglass.viewer.commands.publishing.plan_picture import storeys
+from pointglass.viewer.work.measuring.measure_shapes import shapes_of
+from pointglass.viewer.work.measuring.measure_text import value_text
+from pointglass.viewer.work.measuring.measurement import KINDS
 from pointglass.viewer.work.places.covering_places import covering_places
 from pointglass.viewer.work.places.standing_candidates import standing_candidates
 from pointglass.viewer.work.places.walk_map import map_of
@@ -123,14 +125,23 @@ def test_the_page_asks_for_nothing_and_runs_nothing_inline():
     assert page.count("<script") == page.count("<script src=") == 1 and "http:" not in page.replace("http://www.w3.org", "")
 
 
-def test_what_a_page_does_not_show_of_a_project_is_said(seed):
+def test_every_kind_of_measurement_reaches_the_page_with_its_value_and_shape(seed):
+    """Values as the measurement table has them; lines and rings of the window's drawing, at most 256 points each."""
     from documents import random_document
 
-    document = random_document(np.random.default_rng(seed), ["a.ply"])
-    assert left_out(document).startswith("4 measurements")
-    assert left_out(replace(document, measurements=(), annotations=())) == ""
-    with_picture = replace(document.annotations[0], picture="a.png")
-    assert left_out(replace(document, measurements=(), annotations=(with_picture,) * 2)) == "2 attached pictures"
+    made = random_document(np.random.default_rng(seed), ["a.ply"]).measurements
+    shift = np.array([10.0, -3.0, 2.0])
+    data = measurements_data(made, "m", lambda points: points - shift)
+    assert json.dumps(data, allow_nan=False)
+    for value, measurement in zip(data, made, strict=True):
+        shapes = shapes_of(measurement)
+        assert value["text"] == value_text(measurement, "m") and value["kind"] == KINDS[measurement.kind].name
+        assert len(value["lines"]) == len(shapes.lines) + len(shapes.rings)
+        first = value["points"][0]
+        assert np.allclose(np.add(first, shift), measurement.points[0].position, atol=1e-5)
+        for line, drawn in zip(value["lines"], shapes.lines):
+            assert 2 <= len(line["points"]) <= 256
+            assert np.allclose(np.add(line["points"][-1], shift), drawn.points[-1], atol=1e-5)
 
 
 def test_only_views_without_holes_are_offered(capsys):

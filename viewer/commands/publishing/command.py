@@ -8,7 +8,6 @@ from ...common.text import bytes_text, counted, with_whole_characters
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ...preprocess.scan_description import ScanWarning, WarningTopic
-from ...work.document import Document
 from ..options import memory_of
 
 _log = logging.getLogger(__name__)
@@ -35,11 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--title", default="", metavar="TEXT", help="of the page (default: the name of the scan or project)")
 
 
-def left_out(document: Document) -> str:
-    """What the project has and a publication does not show, in words; "" for nothing."""
-    pictures = sum(bool(note.picture) for note in document.annotations)
-    parts = (len(document.measurements), "measurement"), (pictures, "attached picture")
-    return " and ".join(counted(number, name) for number, name in parts if number)
+def _warn(text: str) -> None:
+    _log.warning("%s", ScanWarning(text, WarningTopic.LEFT_OUT))
 
 
 def run(options: argparse.Namespace, settings: Settings) -> int:
@@ -59,12 +55,10 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
     try:
         places = chosen_places(scene, document, wanted)
-        if lost := left_out(document):
-            _log.warning("%s", ScanWarning(f"{lost} of the project: the page shows none of it", WarningTopic.LEFT_OUT))
         form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
         title = with_whole_characters(options.title or options.scans[0].resolve().stem)
         made = Publication(scene, document, settings, places, options.out, title, form)
-        rendered, size = made.write(renderer, composer)
+        rendered, size = made.write(renderer, composer, _warn)
     finally:
         composer.release()
         renderer.release()

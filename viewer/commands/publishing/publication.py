@@ -6,13 +6,17 @@
     places/000.full.js             pictures at full size
     places/000.depth.js            depth at the size of the small pictures, to measure on
     places/000.second.js           the small pictures in another view
+    notes/000.picture.js           the picture attached to a note
 
 The files of one place appear together; index.html is written last.  A folder of a run that was stopped is gone on with.
 Neither paths nor names of the machine are written: only what a person called things.
 """
 
+import contextlib
 import hashlib
 import json
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
+from ....model.common.system import locked
 from ... import __version__
 from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
@@ -31,6 +36,7 @@ from ...picture.spec import PictureSpec
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
 from .depth_codes import packed_depth
+from .note_pictures import picture_scripts
 from .scene_data import scene_data
 
 if TYPE_CHECKING:
@@ -76,12 +82,14 @@ class Publication:
     title: str
     form: Form = Form()
 
-    def write(self, renderer: "Renderer", composer: "Composer") -> tuple[int, int]:
-        """Makes the folder.  Returns how many places were rendered and the bytes of all files.  Raises InputError where the
-        folder holds other files or cannot be written, DeviceError where a picture cannot be made."""
+    def write(self, renderer: "Renderer", composer: "Composer", problem: Callable[[str], object]) -> tuple[int, int]:
+        """Makes the folder.  Returns how many places were rendered and the bytes of all files.  problem: is told, in a line,
+        what is left out.  Raises InputError where the folder holds other files, another process publishes into it, or it cannot
+        be written, DeviceError where a picture cannot be made."""
         check_folder(self.out)
         rendered, records, sizes = 0, [], []
-        with out_folder(self.out / "places"), progress(len(self.places), "publishing", "place") as meter:
+        attached, note_files = picture_scripts(self.document.annotations, problem)
+        with out_folder(self.out / "places"), alone(self.out), progress(len(self.places), "publishing", "place") as meter:
             for number, place in enumerate(self.places):
                 made_of = self._digest(place)
                 record = self._finished(number, made_of)
@@ -95,11 +103,17 @@ class Publication:
                 records.append(record)
                 sizes.append({part: self._file(number, part).stat().st_size for part in self._parts})
                 meter.update(1)
-            data = scene_data(self.scene, self.document, self.places, records, title=self.title, view=self.settings.view)
+            data = scene_data(self.scene, self.document, self.places, records, title=self.title, view=self.settings.view,
+                              attached=attached)
             data |= {"format": _FORMAT, "side": self.form.side, "small": self.form.small, "stride": FIRST_STRIDE,
                      "second": self.form.second, "sizes": sizes}
+            if note_files:
+                with out_folder(self.out / "notes"):
+                    write_together(self.out / "notes", {
+                        name: lambda path, data=data: path.write_bytes(data) for name, data in note_files.items()
+                    })
             self._write_page(script("scene", data))
-            self._remove_left_over()
+            self._remove_left_over(set(note_files))
         return rendered, sum(file.stat().st_size for file in self.out.rglob("*") if file.is_file())
 
     @property
@@ -172,13 +186,34 @@ class Publication:
         for name, data in files.items():  # index.html last: a folder without it is not finished
             write_atomic(self.out / name, lambda path, data=data: path.write_bytes(data))
 
-    def _remove_left_over(self) -> None:
-        """Files of places that an earlier publication in this folder had."""
+    def _remove_left_over(self, notes: set[str]) -> None:
+        """Files of places and notes that an earlier publication in this folder had."""
         kept = {self._file(number, part) for number in range(len(self.places)) for part in self._parts}
-        for part in PARTS:
-            for file in self.out.glob(f"places/[0-9][0-9][0-9].{part}.js"):
-                if file not in kept:
-                    file.unlink()
+        found = [file for part in PARTS for file in self.out.glob(f"places/[0-9][0-9][0-9].{part}.js") if file not in kept]
+        found += [file for file in self.out.glob("notes/[0-9]*.picture.js") if file.name not in notes]
+        for file in found:
+            file.unlink()
+        if not notes:
+            with contextlib.suppress(OSError):
+                (self.out / "notes").rmdir()
+
+
+@contextlib.contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """Keeps other publications out of the folder, which is there with its ``places``, until the block ends or the process does.
+    Raises InputError where one is being written."""
+    try:
+        held = locked(out / "places")
+    except BlockingIOError:
+        raise InputError("another publication is being written into this folder", file=out,
+                         remedy=("wait for it, or choose another ", Option("--out"))) from None
+    except OSError as error:
+        raise InputError(f"cannot be opened ({error.strerror or error})", file=out / "places") from None
+    try:
+        yield
+    finally:
+        if held is not None:
+            os.close(held)
 
 
 def check_folder(out: Path) -> None:
@@ -187,7 +222,7 @@ def check_folder(out: Path) -> None:
         return
     if not out.is_dir():
         raise InputError("a file has this name", file=out, remedy=("choose another ", Option("--out")))
-    ours = {"places", "scene.js", *PAGE_FILES}
+    ours = {"places", "notes", "scene.js", *PAGE_FILES}
     other = next((entry.name for entry in out.iterdir() if entry.name not in ours and not entry.name.startswith(".")), None)
     if other is not None:
         raise InputError(f"holds other files ({other})", file=out, remedy="give a new or empty folder, or one of publish")

@@ -1,8 +1,9 @@
-"""What the page knows of a scene besides its pictures: places, viewpoints, notes, plans, units.
+"""What the page knows of a scene besides its pictures: places, viewpoints, notes, measurements, plans, units.
 
 Frame: the upright world relative to ``origin``, file units; ``axes`` turn it back into file coordinates.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ...work.notes.annotation import STATUSES, is_address
 from ...work.places.up_axis import upright_axes
 from ...work.selection import Selection
 from .data_scripts import alpha_png, base64_text
+from .measured_data import measurements_data
 from .plan_picture import Plan, plan_of, storeys
 
 if TYPE_CHECKING:
@@ -30,9 +32,9 @@ _PLAN_POINTS = 4_000_000
 
 
 def scene_data(scene: "Scene", document: "Document", places: "list[Place]", records: list[dict[str, Any]], *, title: str,
-               view: str) -> dict[str, Any]:
+               view: str, attached: Mapping[int, tuple[int, int]]) -> dict[str, Any]:
     """The value of scene.js.  records: of each place: near and step of its depths, floor, the distance down to a surface (0:
-    none), and yaw, degrees, where most is in view."""
+    none), and yaw, degrees, where most is in view.  attached: number of a note -> (width, height) of its picture."""
     metre = 1.0 / scene.meta.metres_per_unit if scene.meta.metres_per_unit else 1.0
     axes = upright_axes(document.up)
     origin = np.round(scene.bounds.mean(axis=0))
@@ -42,9 +44,10 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
     height = np.array([down if _FLOOR[0] * metre < down < _FLOOR[1] * metre else EYE * metre for down in below])
     floors = local[:, 2] - height
     storey, plans = plans_of(scene, document, local, floors, origin)
+    unit = unit_name(scene.meta.metres_per_unit)
     return {
         "generator": f"pointglass {__version__}", "title": title, "view": view,
-        "unit": unit_name(scene.meta.metres_per_unit), "metre": metre, "origin": origin.tolist(), "axes": axes.tolist(),
+        "unit": unit, "metre": metre, "origin": origin.tolist(), "axes": axes.tolist(),
         "spacing": scene.spacing,
         "places": [
             {"name": place.name, "position": local[number].tolist(), "floor": float(floors[number]),
@@ -58,8 +61,9 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
             {"title": note.title(number), "text": note.text, "status": STATUSES[note.status].name,
              "link": note.link if is_address(note.link) else "",
              "colour": "#{:02x}{:02x}{:02x}".format(*STATUSES[note.status].rgb),
-             "position": ((np.array(note.position) - origin) @ axes).tolist()}
+             "position": ((np.array(note.position) - origin) @ axes).tolist(), "picture": attached.get(number)}
             for number, note in enumerate(document.annotations)],
+        "measurements": measurements_data(document.measurements, unit, lambda points: (points - origin) @ axes),
     }  # fmt: skip
 
 

@@ -184,14 +184,15 @@ def written(job: Publication) -> str:
         from .....model.common.process.torch_process import prepare_inference
 
         prepare_inference()
-    context = create_context()
+    context, problems = create_context(), list[str]()
     try:
         renderer, composer = Renderer(context, prepared(job.scene, job.document.ghosts)), Composer(context)
         try:
-            _, size = job.write(renderer, composer)
+            _, size = job.write(renderer, composer, problems.append)
         finally:
             composer.release()
             renderer.release()
     finally:
         context.release()
-    return f"Published {counted(len(job.places), 'place')}, {bytes_text(size)}; a click in Saved files opens it in the browser"
+    text = f"Published {counted(len(job.places), 'place')}, {bytes_text(size)}; a click in Saved files opens it in the browser"
+    return "\n".join([text, *(f"Left out: {problem}" for problem in problems)])

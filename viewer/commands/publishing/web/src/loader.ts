@@ -39,6 +39,9 @@ export function loadPart(place: number, part: "first" | "full" | "depth" | "seco
   return load(`${place}.${part}`, `places/${String(place).padStart(3, "0")}.${part}.js`);
 }
 
+export const loadNotePicture = (note: number): Promise<PartData> =>
+  load(`note${note}.picture`, `notes/${String(note).padStart(3, "0")}.picture.js`);
+
 export function bytes(base64: string): Uint8Array<ArrayBuffer> {
   const text = atob(base64);
   const out = new Uint8Array(text.length);

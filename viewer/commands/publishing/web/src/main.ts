@@ -1,6 +1,7 @@
 // Starts the page: loads the scene, goes to the first place, and joins view, tools and lists.
 
 import { followPhone, listen } from "./controls";
+import { listenToNote, lookAt, openNote, showNote } from "./finding";
 import { keepAddress, parse, type Target, text as addressOf } from "./link";
 import { loadScene } from "./loader";
 import { Measuring } from "./measure";
@@ -8,8 +9,7 @@ import { Overlay } from "./overlay";
 import { Panel } from "./panel";
 import { Panorama } from "./panorama";
 import { Plan } from "./plan";
-import { direction, dot, length, minus, type NoteData, plus, type SceneData, times, type Vector } from "./scene";
-import { far } from "./text";
+import { direction, dot, length, minus, plus, type SceneData, times, type Vector } from "./scene";
 import { View } from "./view";
 
 const RADIANS = Math.PI / 180;
@@ -56,10 +56,14 @@ async function start(): Promise<void> {
     panel.current?.measured();
     view.redraw();
   });
-  const overlay = new Overlay(view, by("overlay"), () => measuring.made, (index) => showNote(scene.notes[index]));
-  void overlay;
+  const overlay = new Overlay(view, by("overlay"), () => measuring.made, (index) => showNote(scene.notes, index));
   panel.current = new Panel(view, measuring, by("lists"));
-  panel.current.openNote = (index) => openNote(view, index);
+  panel.current.openNote = (index) => void openNote(view, index).then(say);
+  panel.current.openMeasurement = (index) => void lookAt(view, scene.measurements[index].label);
+  panel.current.showMeasurements = (on) => {
+    overlay.shown = on;
+    view.redraw();
+  };
   new Plan(view, by("plan"));
   tools(view, measuring);
   listen(view, by("picture"), {
@@ -232,31 +236,6 @@ function pressed(view: View, measuring: Measuring, key: string): boolean {
   return true;
 }
 
-function showNote(note: NoteData): void {
-  by("note-title").textContent = note.title;
-  by("note-status").textContent = note.status;
-  by("note-dot").style.background = note.colour;
-  by("note-text").textContent = note.text;
-  const link = by<HTMLAnchorElement>("note-link");
-  link.hidden = !/^https?:\/\//i.test(note.link);
-  link.textContent = note.link;
-  if (link.hidden) link.removeAttribute("href");
-  else link.href = note.link;
-  document.body.classList.add("noted");
-}
-
-// Goes to the nearest place that sees a note, looks at it and shows its text.
-async function openNote(view: View, index: number): Promise<void> {
-  const note = view.scene.notes[index];
-  const places = view.scene.places.map(({ position }, number) => ({ number, away: length(minus(note.position, position)) }));
-  places.sort((a, b) => a.away - b.away);
-  if (!view.sees(note.position)) await view.go(places[0].number);
-  const [x, y, z] = minus(note.position, view.eye);
-  view.turn(Math.atan2(y, x), Math.atan2(z, Math.hypot(x, y)));
-  showNote(note);
-  say(`${note.title}, ${far(view.scene, Math.hypot(x, y, z))} away`);
-}
-
-by("note-close").addEventListener("click", () => document.body.classList.remove("noted"));
+listenToNote();
 start().catch((error: Error) => fail(`The data of this page cannot be read: ${error.message}. The folder must be complete.`));
 export type { SceneData };

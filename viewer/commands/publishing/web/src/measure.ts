@@ -1,7 +1,8 @@
 // Distances between measured surfaces.  What was filled in cannot be measured, and says so.
 
 import { distanceBetween, type Surface } from "./depth";
-import { inFile, plus, type Vector } from "./scene";
+import type { Drawing } from "./lines";
+import { inFile, plus, times, type Vector } from "./scene";
 import { withUncertainty } from "./text";
 import type { View } from "./view";
 
@@ -16,6 +17,7 @@ export interface Measurement {
   parts: string;
   value: number;
   uncertainty: number;
+  drawing: Drawing;
 }
 
 export const REFUSED = "Nothing was measured there: that surface is filled in. Choose a place that was measured.";
@@ -61,9 +63,14 @@ export class Measuring {
       const flat = Math.hypot(b.place[0] - a.place[0], b.place[1] - a.place[1]);
       const rise = b.place[2] - a.place[2];
       begun.parts = `horizontal ${withUncertainty(flat, uncertainty, scene.unit)}, vertical ${withUncertainty(Math.abs(rise), uncertainty, scene.unit)}`;
+      begun.drawing = {
+        lines: [{ points: [a.place, b.place], closed: false, helper: false }], points: [a.place, b.place],
+        label: times(plus(a.place, b.place), 0.5), text: begun.text,
+      };
       this.say(`${begun.text}; ${begun.parts}`);
     } else {
-      this.made.push({ points: [point], text: "", parts: "", value: 0, uncertainty: 0 });
+      const drawing = { lines: [], points: [point.place], label: null, text: "" };
+      this.made.push({ points: [point], text: "", parts: "", value: 0, uncertainty: 0, drawing });
       const at = inFile(scene, point.place).map((value) => value.toFixed(3));
       this.say(`First point: x ${at[0]}, y ${at[1]}, z ${at[2]}. Click the second one.`);
     }

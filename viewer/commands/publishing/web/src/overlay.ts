@@ -1,13 +1,13 @@
 // What is drawn over the picture: the places one can go to, notes, and measured lines.  Elements of the page, so that keys and
 // screen readers reach them.
 
+import { type Drawing, Lines } from "./lines";
 import type { Measurement } from "./measure";
-import { length, minus, type Vector } from "./scene";
+import { length, type MeasurementData, minus, type Vector } from "./scene";
 import { far } from "./text";
 import type { View } from "./view";
 
 const MOST = 8; // places that are offered at once
-const SVG = "http://www.w3.org/2000/svg";
 
 interface Mark {
   element: HTMLElement;
@@ -17,8 +17,9 @@ interface Mark {
 export class Overlay {
   private hops: Mark[] = [];
   private notes: Mark[] = [];
-  private readonly lines: SVGSVGElement;
-  private readonly labels: HTMLElement;
+  private readonly lines: Lines;
+  private inSight: MeasurementData[] = [];
+  shown = true; // the project's measurements
 
   constructor(
     private readonly view: View,
@@ -26,11 +27,7 @@ export class Overlay {
     private readonly measurements: () => Measurement[],
     private readonly openNote: (index: number) => void,
   ) {
-    this.lines = document.createElementNS(SVG, "svg");
-    this.lines.setAttribute("class", "lines");
-    this.lines.setAttribute("aria-hidden", "true");
-    this.labels = document.createElement("div");
-    root.append(this.lines, this.labels);
+    this.lines = new Lines(view, root);
     view.scene.notes.forEach((note, index) => {
       const button = document.createElement("button");
       button.className = "note";
@@ -45,7 +42,7 @@ export class Overlay {
       root.append(button);
       this.notes.push({ element: button, point: note.position });
     });
-    view.arrived.push(() => this.offer());
+    view.arrived.push(() => (this.offer(), this.choose()));
     view.drawn.push(() => this.place());
   }
 
@@ -104,49 +101,15 @@ export class Overlay {
     this.drawLines();
   }
 
-  private drawLines(): void {
-    const { view } = this;
-    const all = this.measurements();
-    if (all.length === 0 && !this.lines.firstChild) return;
-    this.lines.replaceChildren();
-    this.labels.replaceChildren();
-    for (const made of all) {
-      const ends = made.points.map((point) => view.project(point.place));
-      for (const end of ends) {
-        if (!end) continue;
-        const mark = document.createElementNS(SVG, "circle");
-        mark.setAttribute("cx", end.x.toFixed(1));
-        mark.setAttribute("cy", end.y.toFixed(1));
-        mark.setAttribute("r", "5");
-        this.lines.append(mark);
-      }
-      const [a, b] = this.clipped(made);
-      if (!a || !b) continue;
-      for (const kind of ["over", "under"]) {
-        const line = document.createElementNS(SVG, "line");
-        line.setAttribute("class", kind);
-        line.setAttribute("x1", a.x.toFixed(1));
-        line.setAttribute("y1", a.y.toFixed(1));
-        line.setAttribute("x2", b.x.toFixed(1));
-        line.setAttribute("y2", b.y.toFixed(1));
-        this.lines.prepend(line);
-      }
-      const label = document.createElement("span");
-      label.className = "length";
-      label.textContent = made.text;
-      label.style.transform = `translate(${((a.x + b.x) / 2).toFixed(1)}px, ${((a.y + b.y) / 2).toFixed(1)}px) translate(-50%, -50%)`;
-      this.labels.append(label);
-    }
+  // Of the project's measurements those of which something is in sight from here.
+  private choose(): void {
+    this.inSight = this.view.scene.measurements.filter(({ label, points }) => [label, ...points].some((point) => this.view.sees(point)));
   }
 
-  // The ends of a line, as far as it lies in front of the camera.
-  private clipped(made: Measurement) {
-    if (made.points.length < 2) return [null, null];
-    const [p, q] = made.points.map((point) => point.place);
-    const mix = (t: number): Vector => [0, 1, 2].map((k) => p[k] + t * (q[k] - p[k])) as Vector;
-    let from = 0, to = 1;
-    for (let i = 0; i < 32 && !this.view.project(mix(from)) && from < 1; i++) from += 1 / 32;
-    for (let i = 0; i < 32 && !this.view.project(mix(to)) && to > 0; i++) to -= 1 / 32;
-    return from < to ? [this.view.project(mix(from)), this.view.project(mix(to))] : [null, null];
+  private drawLines(): void {
+    const drawings = new Map<Drawing, string>();
+    if (this.shown) for (const made of this.inSight) drawings.set(made, "project");
+    for (const made of this.measurements()) drawings.set(made.drawing, "own");
+    this.lines.draw(drawings);
   }
 }

@@ -3,6 +3,8 @@
 import type { Measuring } from "./measure";
 import type { View } from "./view";
 
+const HERE = "Measured here";
+
 export class Panel {
   private readonly sections = new Map<string, HTMLElement>();
 
@@ -17,10 +19,50 @@ export class Panel {
       },
     })));
     this.list("Notes", scene.notes.map((note, index) => ({ text: note.title, act: () => this.openNote(index), colour: note.colour })));
+    this.given();
     view.arrived.push(() => this.mark());
   }
 
   openNote: (index: number) => void = () => undefined;
+  openMeasurement: (index: number) => void = () => undefined;
+  showMeasurements: (on: boolean) => void = () => undefined;
+
+  // The project's measurements, with a switch for their lines in the picture.
+  private given(): void {
+    const { measurements } = this.view.scene;
+    if (measurements.length === 0) return;
+    const list = this.section("Measurements");
+    const eye = document.createElement("button");
+    eye.type = "button";
+    eye.className = "eye";
+    const set = (on: boolean) => {
+      eye.setAttribute("aria-pressed", String(on));
+      eye.textContent = on ? "in the picture" : "not in the picture";
+    };
+    eye.setAttribute("aria-label", "Draw the measurements in the picture");
+    eye.addEventListener("click", () => {
+      const on = eye.getAttribute("aria-pressed") !== "true";
+      set(on);
+      this.showMeasurements(on);
+    });
+    set(true);
+    list.previousElementSibling!.append(eye);
+    measurements.forEach((made, index) => {
+      const item = document.createElement("li"), button = document.createElement("button");
+      button.type = "button";
+      button.className = "given";
+      const name = document.createElement("span"), value = document.createElement("b"), more = document.createElement("small");
+      name.textContent = made.name;
+      value.textContent = made.text;
+      more.textContent = made.more;
+      button.append(name, value);
+      if (made.more) button.append(more);
+      button.title = made.kind;
+      button.addEventListener("click", () => this.openMeasurement(index));
+      item.append(button);
+      list.append(item);
+    });
+  }
 
   private list(title: string, rows: { text: string; act: () => void; place?: number; colour?: string }[]): void {
     if (rows.length === 0) return;
@@ -65,8 +107,8 @@ export class Panel {
   // Writes the measurements again.
   measured(): void {
     const done = this.measuring.made.filter(({ points }) => points.length === 2);
-    if (done.length === 0 && !this.sections.has("Measurements")) return;
-    const list = this.section("Measurements");
+    if (done.length === 0 && !this.sections.has(HERE)) return;
+    const list = this.section(HERE);
     list.parentElement!.hidden = done.length === 0;
     list.replaceChildren();
     for (const made of done) {

@@ -37,6 +37,17 @@ export interface NoteData {
   colour: string;
   link: string;
   position: Vector;
+  picture: [number, number] | null; // width and height
+}
+
+export interface MeasurementData {
+  name: string;
+  kind: string;
+  text: string;
+  more: string; // further lines
+  label: Vector;
+  points: Vector[];
+  lines: { points: Vector[]; closed: boolean; helper: boolean }[];
 }
 
 export interface SceneData {
@@ -56,6 +67,7 @@ export interface SceneData {
   plans: PlanData[];
   viewpoints: ViewpointData[];
   notes: NoteData[];
+  measurements: MeasurementData[];
 }
 
 export interface PartData {

@@ -188,19 +188,25 @@ export class View {
     return times(out, 1 / Math.hypot(...out));
   }
 
-  // Where a point of the world appears, CSS pixels; null behind the camera.  depth: along the axis of view.
-  project(point: Vector): { x: number; y: number; depth: number } | null {
-    const [width, height] = this.size;
+  // A point of the world seen from the eye: to the right, upwards, and its depth along the axis of view.
+  before(point: Vector): Vector {
     const away: Vector = [point[0] - this.eye[0], point[1] - this.eye[1], point[2] - this.eye[2]];
     const on = (v: Vector) => away[0] * v[0] + away[1] * v[1] + away[2] * v[2];
-    const depth = on(direction(this.yaw, this.pitch));
-    if (depth <= 1e-6) return null;
+    return [on([Math.sin(this.yaw), -Math.cos(this.yaw), 0]), on(direction(this.yaw, this.pitch + Math.PI / 2)),
+      on(direction(this.yaw, this.pitch))];
+  }
+
+  // Where such a point, before the eye, appears: CSS pixels.
+  onto([right, up, depth]: Vector): { x: number; y: number; depth: number } {
+    const [width, height] = this.size;
     const scale = height / 2 / Math.tan((this.vertical * Math.PI) / 360) / depth;
-    return {
-      x: width / 2 + scale * on([Math.sin(this.yaw), -Math.cos(this.yaw), 0]),
-      y: height / 2 - scale * on(direction(this.yaw, this.pitch + Math.PI / 2)),
-      depth,
-    };
+    return { x: width / 2 + scale * right, y: height / 2 - scale * up, depth };
+  }
+
+  // Where a point of the world appears; null behind the camera.
+  project(point: Vector): { x: number; y: number; depth: number } | null {
+    const seen = this.before(point);
+    return seen[2] <= 1e-6 ? null : this.onto(seen);
   }
 
   // Whether nothing stands between the eye and a point.
