@@ -46,7 +46,7 @@ def angle(first, second) -> float:
 
 def test_pipes_have_the_diameter_and_length_that_they_were_made_with(seed):
     random = np.random.default_rng(seed)
-    outside = []
+    outside, missed = [], []
     for number in range(16):
         pipe = random_pipe(random, number)
         fit = fit_near(pipe.xyz, pipe.click, "pipe", pipe.spacing)
@@ -54,7 +54,7 @@ def test_pipes_have_the_diameter_and_length_that_they_were_made_with(seed):
         assert fit.radius == pytest.approx(pipe.radius, rel=0.15), told
         assert fit.radius_uncertainty < 0.15 * pipe.radius, told
         assert fit.high - fit.low == pytest.approx(pipe.length, rel=0.1), told
-        assert fit.seen == pytest.approx(pipe.seen, abs=50), told
+        missed.append(abs(fit.seen - pipe.seen))
         assert angle(fit.direction, pipe.axis) < 2.0, told
         from_axis = np.cross(np.array(fit.place) - pipe.middle, pipe.axis)
         assert np.linalg.norm(from_axis) < 0.05 * pipe.radius, told
@@ -62,6 +62,7 @@ def test_pipes_have_the_diameter_and_length_that_they_were_made_with(seed):
         if abs(2 * fit.radius - 2 * pipe.radius) > 2 * fit.radius_uncertainty:
             outside.append(told)
     assert len(outside) <= OUTSIDE, outside
+    assert sorted(missed)[-2] < 12 and max(missed) < 50, missed  # of 656 pipes one was off by 40 degrees, the others by 10
 
 
 def test_points_that_stand_in_the_file_several_times_count_once(seed):

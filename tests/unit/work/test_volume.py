@@ -66,7 +66,8 @@ def test_true_volumes_lie_inside_what_is_stated(seed, kind, shadow):
     off = np.array([found.net - truth for truth, found in made])
     stated = np.array([found.uncertainty for _, found in made])
     assert np.mean(np.abs(off) <= stated) >= 0.8, "of twelve; of hundreds 95 %"
-    assert np.median(stated / np.abs([truth for truth, _ in made])) < (0.5 if shadow else 0.08)
+    wide = np.median(stated / np.abs([truth for truth, _ in made]))  # without shadow 0.022 to 0.059 in 75 runs
+    assert wide < (0.5 if shadow else 0.08)
     empty = np.median([found.empty for _, found in made])
     assert (0.01 < empty < 0.6) if shadow else empty < 0.02
 
