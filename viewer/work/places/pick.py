@@ -187,6 +187,7 @@ def station_name(scene: "Scene", scan: int) -> str:
 
 def surface_around(scene: "Scene", position) -> Surface:
     """Spacing and noise of the measured points around a place, (3,) file coordinates."""
+    from ..point_moments import mean_and_covariance
     from . import pick_kernels  # numba: only once something is picked
 
     coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
@@ -204,10 +205,7 @@ def surface_around(scene: "Scene", position) -> Surface:
     if count < 2:
         return Surface(float("nan"), 0.0, (0.0, 0.0, 1.0), radius, count)
     spacing = float(np.sqrt(np.pi * radius**2 / (count - 1)))
-    mean = sums[1:4] / count
-    xx, xy, xz, yy, yz, zz = sums[4:] / count
-    square = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - np.outer(mean, mean)
-    variance, axes = np.linalg.eigh(square)
+    variance, axes = np.linalg.eigh(mean_and_covariance(sums)[1])
     noise = float(np.sqrt(max(variance[0], 0.0) * count / (count - 3))) if count > 3 else 0.0
     a, b, c = (float(value) for value in axes[:, 0])
     return Surface(spacing, noise, (a, b, c), radius, count)

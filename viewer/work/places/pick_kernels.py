@@ -6,6 +6,7 @@ Frames: cells and balls in file coordinates relative to ``Scene.origin``, float6
 import numpy as np
 
 from ....model.common.jit import compiled
+from ..point_moments import add_point
 
 
 @compiled(nogil=True)
@@ -72,8 +73,8 @@ def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation
 
 @compiled(nogil=True)
 def neighbourhood(points, coords, offsets, layers, rows, size, place, radius):
-    """Moments of the points of the cells ``rows`` within ``radius`` of ``place`` (3,), relative to it: (10,) float64, their
-    number, the sums of x, y, z and of xx, xy, xz, yy, yz, zz."""
+    """Moments of the points of the cells ``rows`` within ``radius`` of ``place`` (3,), relative to it: (10,) float64
+    (viewer.work.point_moments)."""
     cells, step, sums = coords.shape[0], size / 65536.0, np.zeros(10)
     for row in rows:
         x0 = coords[row, 0] * size - place[0]
@@ -85,16 +86,7 @@ def neighbourhood(points, coords, offsets, layers, rows, size, place, radius):
                 x, y, z = x0 + x, y0 + y, z0 + z
                 if x * x + y * y + z * z > radius * radius:
                     continue
-                sums[0] += 1
-                sums[1] += x
-                sums[2] += y
-                sums[3] += z
-                sums[4] += x * x
-                sums[5] += x * y
-                sums[6] += x * z
-                sums[7] += y * y
-                sums[8] += y * z
-                sums[9] += z * z
+                add_point(sums, x, y, z)
     return sums
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....model.common.jit import compiled
 from ..places.pick_kernels import place_in_cell
+from ..point_moments import add_point
 
 BITS = 21
 LAST = (1 << BITS) - 1
@@ -79,8 +80,8 @@ def grown(keys, start, normals, flat, least):
 
 @compiled(nogil=True)
 def add_moments(points, offsets, coords, size, shift, side, rows, moments):
-    """Adds to (M, 10) float64 ``moments`` of cubes, relative to each cube's lowest corner: the number of points, sums of x, y,
-    z and of xx, xy, xz, yy, yz, zz.  rows: (N,) int64, cube of each point, -1: none."""
+    """Adds to (M, 10) float64 ``moments`` of cubes, relative to each cube's lowest corner (viewer.work.point_moments).
+    rows: (N,) int64, cube of each point, -1: none."""
     cells, step = coords.shape[0], size / 65536.0
     for run in range(len(offsets) - 1):
         cell = run % cells
@@ -90,17 +91,7 @@ def add_moments(points, offsets, coords, size, shift, side, rows, moments):
                 continue
             x, y, z = place_in_cell(points, i, step)
             x, y, z = (x0 + x) % side, (y0 + y) % side, (z0 + z) % side
-            sums = moments[rows[i]]
-            sums[0] += 1
-            sums[1] += x
-            sums[2] += y
-            sums[3] += z
-            sums[4] += x * x
-            sums[5] += x * y
-            sums[6] += x * z
-            sums[7] += y * y
-            sums[8] += y * z
-            sums[9] += z * z
+            add_point(moments[rows[i]], x, y, z)
 
 
 @compiled(nogil=True)

@@ -95,16 +95,15 @@ def _nearest(cubes: np.ndarray, at: np.ndarray) -> int:
 def _surface(scene: "Scene", shift: np.ndarray, side: float, cubes: np.ndarray, rows: np.ndarray, start: int, hits: np.ndarray
              ) -> None:
     """Marks the points of the smooth surface through a cube."""
+    from ..point_moments import mean_and_covariance
     from .connected_kernels import BITS, LAST, add_moments, around, grown, near_planes, widened
 
     points, offsets, coords = np.asarray(scene.points), np.asarray(scene.offsets), np.asarray(scene.cell_coords)
     moments, near = np.zeros((len(cubes), 10)), np.zeros((len(cubes), 10))
     add_moments(points, offsets, coords, scene.cell_size, shift, side, rows, moments)
     in_rows(len(cubes), 256, around, cubes, moments, side, near)
-    count = np.maximum(near[:, 0], 1.0)[:, None]
-    means, squares = near[:, 1:4] / count, near[:, 4:] / count
-    matrices = squares[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3) - means[:, :, None] * means[:, None, :]
-    variances, axes = np.linalg.eigh(matrices)
+    means, covariances = mean_and_covariance(near)
+    variances, axes = np.linalg.eigh(covariances)
     normals = np.ascontiguousarray(axes[:, :, 0])
     flat = (near[:, 0] >= FEWEST) & (variances[:, 0] <= FLAT * variances[:, 1])
     joined = grown(cubes, start, normals, flat, float(np.cos(np.radians(TURN))))
