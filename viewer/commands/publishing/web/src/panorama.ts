@@ -2,33 +2,36 @@
 
 import {
   BufferAttribute, BufferGeometry, ClampToEdgeWrapping, DataTexture, GLSL3, Group, LinearFilter, Mesh, NearestFilter, NoColorSpace,
-  PerspectiveCamera, RedFormat, Scene, ShaderMaterial, Texture, UnsignedByteType, WebGLRenderer,
+  type Matrix4, PerspectiveCamera, RedFormat, Scene, ShaderMaterial, Texture, UnsignedByteType, Vector3, Vector4, WebGLRenderer,
 } from "three";
 import type { DepthMap } from "./depth";
-import { FACES, type Vector } from "./scene";
+import { FACES, times, type Vector } from "./scene";
 
 const GRID = 64; // cells of a face's mesh, a side
 const TORN = 0.3; // relative difference of inverse depth within a cell from which on it spans two surfaces
+const CORNERS = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
 const FAR = 60; // of what has no depth, in multiples of the median depth
 
+// The direction from the place, not a coordinate of the mesh, says what is shown: exact however the mesh is displaced.
 const vertex = /* glsl */ `
-out vec3 at;
+uniform vec3 forward, right, up;
+out vec3 on; // the face's plane: right, down, forward
 void main() {
-  at = position;
+  on = vec3(dot(position, right), -dot(position, up), dot(position, forward));
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+#ifdef BEHIND
+  gl_Position.z = gl_Position.w; // behind all else
+#endif
 }`;
 
-// The direction from the place, not a coordinate of the mesh, says what is shown: exact however the mesh is displaced.
 const fragment = /* glsl */ `
 precision highp float;
-in vec3 at;
+in vec3 on;
 out vec4 colour;
 uniform sampler2D first, second, measured;
-uniform vec3 forward, right, up;
 uniform float split, opacity, tint;
 void main() {
-  vec3 ray = at / dot(at, forward);
-  vec2 uv = 0.5 + 0.5 * vec2(dot(ray, right), -dot(ray, up));
+  vec2 uv = 0.5 + 0.5 * on.xy / on.z;
 #ifdef PLAIN
   colour = vec4(texture(first, uv).rgb, opacity);
 #else
@@ -73,10 +76,10 @@ export function maskTextures(depth: DepthMap, spacing: number): DataTexture[] {
   });
 }
 
-function materialOf(face: number): ShaderMaterial {
+function materialOf(face: number, behind: boolean): ShaderMaterial {
   const { forward, right, up } = FACES[face];
   return new ShaderMaterial({
-    glslVersion: GLSL3, vertexShader: vertex, fragmentShader: fragment, side: 2, defines: {},
+    glslVersion: GLSL3, vertexShader: vertex, fragmentShader: fragment, side: 2, defines: behind ? { BEHIND: 1 } : {},
     uniforms: {
       first: { value: null }, second: { value: null }, measured: { value: null }, forward: { value: forward }, right: { value: right },
       up: { value: up }, split: { value: -1 }, opacity: { value: 1 }, tint: { value: 0 },
@@ -86,14 +89,14 @@ function materialOf(face: number): ShaderMaterial {
 
 function cubeFace(face: number, reach: number): BufferGeometry {
   const { forward, right, up } = FACES[face];
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].flatMap(([a, b]) => forward.map((f, k) => reach * (f + a * right[k] + b * up[k])));
+  const corners = CORNERS.flatMap(([a, b]) => forward.map((f, k) => reach * (f + a * right[k] + b * up[k])));
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(corners), 3));
   geometry.setIndex([0, 1, 2, 0, 2, 3]);
   return geometry;
 }
 
-// A face displaced by its depth; cells that span two surfaces are in the second group.
+// A face displaced by its depth, without the cells that span two surfaces.
 function depthFace(depth: DepthMap, face: number, background: number): BufferGeometry {
   const n = GRID + 1, side = depth.side;
   const positions = new Float32Array(n * n * 3), inverse = new Float32Array(n * n); // inverse: 0 where nothing is
@@ -101,25 +104,31 @@ function depthFace(depth: DepthMap, face: number, background: number): BufferGeo
   for (let row = 0, i = 0; row < n; row++)
     for (let column = 0; column < n; column++, i++) {
       const a = (2 * column) / GRID - 1, b = 1 - (2 * row) / GRID;
+      const ray = forward.map((f, k) => f + a * right[k] + b * up[k]) as Vector, long = Math.hypot(...ray);
+      const border = row === 0 || column === 0 || row === GRID || column === GRID;
       const c = Math.min(Math.floor((column / GRID) * side), side - 1), r = Math.min(Math.floor((row / GRID) * side), side - 1);
-      const found = depth.depthOf(face * depth.count + r * side + c), z = found || background;
+      // on a border both faces take the depth of the same pixel: no crack between them
+      const edge = border ? depth.distance(times(ray, 1 / long)) / long : 0;
+      const found = border ? (Number.isFinite(edge) ? edge : 0) : depth.depthOf(face * depth.count + r * side + c);
+      const z = found || background;
       inverse[i] = found ? 1 / found : 0;
-      for (let k = 0; k < 3; k++) positions[3 * i + k] = z * (forward[k] + a * right[k] + b * up[k]);
+      for (let k = 0; k < 3; k++) positions[3 * i + k] = z * ray[k];
     }
-  const solid: number[] = [], torn: number[] = [];
+  const solid: number[] = [];
   for (let row = 0; row < GRID; row++)
     for (let column = 0; column < GRID; column++) {
       const i = row * n + column;
       const low = Math.min(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
       const high = Math.max(inverse[i], inverse[i + 1], inverse[i + n], inverse[i + n + 1]);
-      if (low === 0 && high > 0) continue; // the outline of what is before nothing: stretched, it would reach to the horizon
-      (high - low > TORN * high ? torn : solid).push(i, i + n, i + 1, i + 1, i + n, i + n + 1);
+      if (high - low > TORN * high) continue; // stretched between a thing and what is behind it
+      solid.push(i, i + n, i + 1, i + 1, i + n, i + n + 1);
     }
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(positions, 3));
-  geometry.setIndex([...solid, ...torn]);
-  geometry.addGroup(0, solid.length, 0);
-  if (torn.length) geometry.addGroup(solid.length, torn.length, 1);
+  geometry.setIndex(solid);
+  let near = Infinity, far = 0;
+  for (const i of solid) (near = Math.min(near, inverse[i] ? 1 / inverse[i] : background)), (far = Math.max(far, inverse[i] ? 1 / inverse[i] : background));
+  geometry.userData.hull = [near, far].flatMap((z) => CORNERS.map(([a, b]) => new Vector3(...forward.map((f, k) => z * (f + a * right[k] + b * up[k])))));
   return geometry;
 }
 
@@ -133,15 +142,24 @@ export function meshesOf(textures: PlaceTextures, depth: DepthMap): BufferGeomet
   return (textures.meshes = FACES.map((_, face) => depthFace(depth, face, background)));
 }
 
+// Whether points, relative to a place, all lie beyond one side of what a camera sees.
+function outside(points: Vector3[], place: Vector3, toClip: Matrix4): boolean {
+  const clip = points.map((point) => new Vector4(point.x + place.x, point.y + place.y, point.z + place.z, 1).applyMatrix4(toClip));
+  return [(p: Vector4) => p.x > p.w, (p: Vector4) => p.x < -p.w, (p: Vector4) => p.y > p.w, (p: Vector4) => p.y < -p.w, (p: Vector4) => p.z < -p.w]
+    .some((beyond) => clip.every(beyond));
+}
+
 // The six faces of one place, as a cube or as a mesh by depth.
 class Layer {
   readonly group = new Group();
-  private readonly materials = FACES.map((_, face) => materialOf(face));
-  private readonly hidden = new ShaderMaterial({ visible: false });
+  private readonly materials: ShaderMaterial[];
   private readonly cubes: Mesh[];
   private meshes: Mesh[] = [];
 
-  constructor(reach: number, private readonly keepsTorn: boolean) {
+  // behind: a cube that is drawn where nothing else is.
+  constructor(reach: number, behind = false) {
+    this.materials = FACES.map((_, face) => materialOf(face, behind));
+    if (behind) for (const material of this.materials) material.depthWrite = false;
     this.cubes = this.materials.map((material, face) => new Mesh(cubeFace(face, reach), material));
     for (const mesh of this.cubes) {
       this.group.add(mesh);
@@ -178,11 +196,17 @@ class Layer {
     for (const material of this.materials) material.colorWrite = written;
   }
 
+  // Leaves out the meshes that are not in the picture.
+  cull(toClip: Matrix4): void {
+    for (const mesh of this.meshes) mesh.visible = !outside(mesh.geometry.userData.hull, this.group.position, toClip);
+  }
+
   displace(shapes: BufferGeometry[] | null): void {
+    for (const material of this.materials) material.depthTest = material.depthWrite = shapes !== null; // a cube hides nothing
     for (const mesh of this.meshes) this.group.remove(mesh);
     for (const cube of this.cubes) cube.visible = shapes === null;
     this.meshes = (shapes ?? []).map((shape, face) => {
-      const mesh = new Mesh(shape, [this.materials[face], this.keepsTorn ? this.materials[face] : this.hidden]);
+      const mesh = new Mesh(shape, this.materials[face]);
       mesh.frustumCulled = false;
       this.group.add(mesh);
       return mesh;
@@ -197,6 +221,10 @@ export class Panorama {
   private readonly overScene = new Scene();
   private readonly here: Layer;
   private readonly over: Layer;
+  private readonly behind: Layer[]; // both places as seen from there, the one that is left over the other, where no mesh has anything
+  private readonly behindScenes = [new Scene(), new Scene()];
+  private fading = false;
+  private drawn = false;
   frames = 0;
 
   // metre: units in a metre.  Throws where the browser has no WebGL 2.
@@ -207,10 +235,16 @@ export class Panorama {
     this.renderer = new WebGLRenderer({ canvas, context, ...asked });
     this.renderer.autoClear = false;
     this.renderer.setClearColor(0x17191d); // as what is behind pictures (viewer.picture.background.PLAIN)
-    this.here = new Layer(metre, true);
-    this.over = new Layer(metre, false);
+    this.here = new Layer(metre);
+    this.over = new Layer(metre);
     this.scene.add(this.here.group);
     this.overScene.add(this.over.group);
+    this.behind = this.behindScenes.map((scene) => {
+      const layer = new Layer(metre, true);
+      layer.group.visible = true;
+      scene.add(layer.group);
+      return layer;
+    });
     this.camera.up.set(0, 0, 1);
     this.camera.near = 0.02 * metre;
     this.camera.far = 20000 * metre;
@@ -228,6 +262,7 @@ export class Panorama {
     this.camera.lookAt(position[0] + forward[0], position[1] + forward[1], position[2] + forward[2]);
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
+    for (const layer of this.fading ? [this.here, this.over] : this.behind) layer.group.position.set(...position);
   }
 
   stand(textures: PlaceTextures, position: Vector): void {
@@ -237,6 +272,16 @@ export class Panorama {
     this.here.group.visible = true;
     this.over.group.visible = false;
     this.over.displace(null);
+    this.fading = false;
+  }
+
+  // From now on the place gone to fades in over the one that is left, both around the eye: where walls lie between them.
+  beginFade(from: PlaceTextures, to: PlaceTextures): void {
+    this.here.show(to);
+    this.here.displace(null);
+    this.over.show(from);
+    this.over.displace(null);
+    this.over.group.visible = this.fading = true;
   }
 
   // From now on the place gone to is drawn, by depth, under the one that is left.
@@ -244,6 +289,7 @@ export class Panorama {
     this.here.show(to);
     this.here.group.position.set(...toAt);
     this.here.displace(meshesOf(to, toDepth));
+    [to, from].forEach((textures, number) => this.behind[number].show(textures));
     this.over.show(from);
     this.over.group.position.set(...fromAt);
     this.over.displace(meshesOf(from, fromDepth));
@@ -254,11 +300,23 @@ export class Panorama {
   draw(split: number, tint: number, opacity: number): void {
     this.here.set(split, tint, 1);
     this.over.set(split, tint, opacity);
-    this.renderer.clear();
+    if (this.over.group.visible || !this.drawn) this.renderer.clear(); // a cube covers all
+    this.drawn = true;
+    const going = this.over.group.visible;
+    if (going && !this.fading) {
+      const toClip = this.camera.projectionMatrix.clone().multiply(this.camera.matrixWorldInverse);
+      for (const layer of [this.here, this.over]) layer.cull(toClip);
+    }
     this.renderer.render(this.scene, this.camera);
-    if (this.over.group.visible && opacity > 0) {
+    if (going && !this.fading) {
+      this.behindScenes.forEach((scene, number) => {
+        this.behind[number].set(split, tint, number === 0 ? 1 : opacity);
+        if (number === 0 || opacity > 0) this.renderer.render(scene, this.camera);
+      });
       this.renderer.clearDepth();
-      for (const written of [false, true]) {
+    }
+    if (going && opacity > 0) {
+      for (const written of this.fading ? [true] : [false, true]) {
         // depth first: what lies behind must not shine through
         this.over.colours(written);
         this.renderer.render(this.overScene, this.camera);

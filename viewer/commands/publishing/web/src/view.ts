@@ -1,5 +1,6 @@
 // Where one stands and looks, and how that is drawn: on demand, and step by step while something moves.
 
+import type { DepthMap } from "./depth";
 import { Panorama } from "./panorama";
 import { direction, plus, times, type SceneData, type Vector } from "./scene";
 import { type LoadedPlace, Visits } from "./visit";
@@ -9,6 +10,7 @@ const SLOW = 36; // milliseconds of a picture above which there are fewer pixels
 const PICTURES = 5; // whose mean counts
 const COARSEST = 0.4;
 const REST = 200; // milliseconds without a picture that count as rest
+const FREE = 0.93; // share of the distance that must be free between two places for one to walk, not fade, from one to the other
 const STEEPEST = (88 * Math.PI) / 180;
 export const NARROWEST = 25, WIDEST = 100; // degrees, of the shorter side of the window
 
@@ -30,7 +32,7 @@ export class View {
   private slow: number[] = [];
   private rest = 0;
   private last = 0;
-  private hop: { start: number; from: Vector; to: Vector } | null = null;
+  private hop: { start: number; from: Vector; to: Vector; walked: boolean } | null = null;
   readonly visits: Visits;
   readonly drawn: (() => void)[] = [];
   readonly arrived: (() => void)[] = [];
@@ -138,8 +140,12 @@ export class View {
 
   private move(from: LoadedPlace, to: LoadedPlace): Promise<void> {
     const start = this.position(from.index), end = this.position(to.index);
-    this.panorama.begin(from.textures, from.depth, start, to.textures, to.depth, end);
-    this.hop = { start: performance.now(), from: start, to: end };
+    const way: Vector = [end[0] - start[0], end[1] - start[1], end[2] - start[2]], far = Math.hypot(...way);
+    const free = (depth: DepthMap, sign: number) => far < 1e-6 || depth.distance(times(way, sign / far)) >= FREE * far;
+    const walked = free(from.depth, 1) || free(to.depth, -1);
+    if (walked) this.panorama.begin(from.textures, from.depth, start, to.textures, to.depth, end);
+    else this.panorama.beginFade(from.textures, to.textures);
+    this.hop = { start: performance.now(), from: start, to: end, walked };
     this.redraw();
     return new Promise((resolve) => (this.done = resolve));
   }
@@ -157,7 +163,7 @@ export class View {
       const t = Math.min((performance.now() - this.hop.start) / HOP, 1);
       const eased = t * t * (3 - 2 * t);
       this.eye = plus(times(this.hop.from, 1 - eased), times(this.hop.to, eased));
-      const s = Math.min(Math.max((eased - 0.2) / 0.6, 0), 1);
+      const s = this.hop.walked ? Math.min(Math.max((eased - 0.2) / 0.6, 0), 1) : t;
       opacity = 1 - s * s * (3 - 2 * s);
       if (t >= 1) {
         this.hop = null;
