@@ -17,6 +17,9 @@
     >>> filled = frame.provenance == 3                           # see PROVENANCE
     >>> bool((filled & frame.mask).any()), frame.depth.shape
     (False, (120, 160))
+    >>> plan = pointglass.orthographic((3.0, 2.0, 1.0), height=5.0, size=(160, 120))               # 24 pixels a metre
+    >>> scan.render(plan, view="filled").shape
+    (120, 160, 4)
     >>> scan.close()                                             # or: with pointglass.open(...) as scan:
 
     >>> mine = pointglass.from_points([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1.0, 0, 0]] * 3)        # arrays of your own
@@ -27,7 +30,8 @@ World frame: the scan file's own coordinates and unit of length, right-handed, z
 Camera frame of ``camera_to_world``: OpenGL's, x right, y up, the camera looks along -z; its fourth column is the position.
 View frame, ``camera.view_rotation``: x right, y down, z forward.
 Pixels: row 0 at the top, column 0 at the left; pixel (column i, row j) covers [i, i+1] x [j, j+1], its centre is at +0.5.
-A point (x, y, z) of the view frame lies at column ``cx + fx * x / z`` and row ``cy + fy * y / z``.
+A point (x, y, z) of the view frame lies at column ``cx + fx * x / z`` and row ``cy + fy * y / z``; of an orthographic camera
+``camera.orthographic`` stands for z in both, and ``camera.unproject`` gives the place seen in a pixel of either.
 Depth: z of the view frame, so the distance along the viewing axis, not along the ray; in file units, +inf without points.
 The place seen in a pixel is ``camera.position + depth * (camera.forward + right - up)``, with
 ``right = (column + 0.5 - cx) / fx * camera.right`` and ``up = (row + 0.5 - cy) / fy * camera.up``.
@@ -83,7 +87,7 @@ if TYPE_CHECKING:
     from .viewer.interface.measured_points import Points
     from .viewer.interface.open_scan import Scan, open
     from .viewer.interface.pictures import Frame, Picture
-    from .viewer.interface.place_camera import look_at, read_cameras, write_cameras
+    from .viewer.interface.place_camera import look_at, orthographic, read_cameras, write_cameras
     from .viewer.interface.scan_photographs import Photograph
     from .viewer.picture.camera import Camera
     from .viewer.picture.provenance import PROVENANCE
@@ -93,7 +97,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PROVENANCE", "Camera", "DeviceError", "Distances", "Fit", "Frame", "InputError", "Photograph", "Picture",
     "PointglassError", "Points", "RenderSettings", "Scan", "__version__", "compare", "demo_scan", "from_points", "look_at",
-    "open", "read_cameras", "write_cameras",
+    "open", "orthographic", "read_cameras", "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
@@ -106,7 +110,7 @@ _MODULES = {
     "interface.open_scan": ["Scan", "open"],
     "interface.scan_photographs": ["Photograph"],
     "interface.pictures": ["Frame", "Picture"],
-    "interface.place_camera": ["look_at", "read_cameras", "write_cameras"],
+    "interface.place_camera": ["look_at", "orthographic", "read_cameras", "write_cameras"],
     "commands.demo": ["demo_scan"],
     "picture.provenance": ["PROVENANCE"],
     "work.comparing.compare": ["Distances"],

@@ -2,15 +2,15 @@
 // background (BACKGROUND).
 
 #ifdef BACKGROUND
-uniform float wider_offset;  // of the level that the four samples belong to
+uniform vec2 wider;  // factor and offset of the level that the four samples belong to
 
 // Weight of each of four samples: 0 where its depth feature is clearly nearer than the farthest one and its surface's point
 // spacing is clearly smaller than the level's pixels.
 vec4 background(vec4 features) {
     float farthest = max(max(features.x, features.y), max(features.z, features.w));
     precise vec4 nearer = clamp((farthest - features) * NEARER_SCALE - NEARER_START, 0.0, 1.0);
-    precise vec4 wider = clamp(features * WIDER_SCALE + wider_offset, 0.0, 1.0);
-    precise vec4 counts = 1.0 - nearer * wider;
+    precise vec4 wide = clamp(features * wider.x + wider.y, 0.0, 1.0);
+    precise vec4 counts = 1.0 - nearer * wide;
     return counts;
 }
 #endif

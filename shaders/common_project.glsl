@@ -3,7 +3,7 @@
 
 layout(std140, binding = FRAME_BINDING) uniform Frame {
     vec4 axis_x;   // xyz: view x per step along the cell's x, y, z; w of axis_x: 1 where black points have no colour
-    vec4 axis_y;
+    vec4 axis_y;   // w: of an orthographic camera, 1 / the depth at which lens gives its scale; 0: a pinhole
     vec4 axis_z;
     vec4 lens;     // fx, fy, cx, cy in pixels
     uvec4 size;    // width, height of the picture; first row and row count of this band
@@ -22,7 +22,7 @@ Projected project(uvec2 words, vec3 cell) {
     precise float x = cell.x + ((axis_x.x * q.x + axis_x.y * q.y) + axis_x.z * q.z);
     precise float y = cell.y + ((axis_y.x * q.x + axis_y.y * q.y) + axis_y.z * q.z);
     precise float z = cell.z + ((axis_z.x * q.x + axis_z.y * q.y) + axis_z.z * q.z);
-    precise float inverse = 1.0 / z;
+    precise float inverse = axis_y.w > 0.0 ? axis_y.w : 1.0 / z;
     precise float u = lens.x * (x * inverse) + lens.z;
     precise float v = lens.y * (y * inverse) + lens.w;
     u += soft.z;

@@ -9,6 +9,7 @@ uniform sampler2D weight;  // sum of the pixel's point weights, MAX_AVERAGED at 
 uniform sampler2D mask;    // keep-mask or confidence
 uniform sampler3D sigma;   // standard deviation of a single point where the curve is 1
 uniform vec4 lens;         // fx, fy, cx, cy in pixels
+uniform float parallel;    // of an orthographic camera, the depth at which lens gives its scale; 0: a pinhole
 uniform mat3 to_lattice;   // view space to voxels
 uniform vec3 eye;          // camera position, in voxels
 uniform float curve[KNOTS];
@@ -22,7 +23,7 @@ void main() {
     float sigma_of_mean = 0.0;
     if (texelFetch(mask, at, 0).x > 0.0) {
         float z = texelFetch(depth, at, 0).x;
-        vec3 view = vec3((vec2(at) + 0.5 - lens.zw) / lens.xy * z, z);
+        vec3 view = vec3((vec2(at) + 0.5 - lens.zw) / lens.xy * (parallel > 0.0 ? parallel : z), z);
         ivec3 voxel = ivec3(clamp(floor(eye + to_lattice * view), vec3(0.0), vec3(textureSize(sigma, 0) - 1)));
         float knot = dot(texelFetch(raw, at, 0).rgb, vec3(LUMA_R, LUMA_G, LUMA_B)) * float(KNOTS - 1);
         int below = min(int(knot), KNOTS - 2);

@@ -23,7 +23,8 @@ def pixel_noise(noise: NoiseModel | None, raster: Raster, camera, view_to_world:
     if noise is not None:
         rows, columns = np.nonzero(np.isfinite(depth))
         z = depth[rows, columns]
-        view = np.stack([(columns + 0.5 - camera.cx) / camera.fx * z, (rows + 0.5 - camera.cy) / camera.fy * z, z], 1)
+        by = getattr(camera, "orthographic", None) or z
+        view = np.stack([(columns + 0.5 - camera.cx) / camera.fx * by, (rows + 0.5 - camera.cy) / camera.fy * by, z], 1)
         luma = raster.colour[:, rows, columns].double().numpy().T @ LUMA / 255.0
         sigma[rows, columns] = noise.at(view @ view_to_world.T + eye, luma)
     return torch.from_numpy(sigma).to(raster.depth.dtype)

@@ -69,12 +69,14 @@ def view_points(steps: Tensor, cells: Tensor, cell_view: Tensor, axes: Tensor) -
 def pixels(x: Tensor, y: Tensor, z: Tensor, camera, *, rounded: bool = False) -> tuple[Tensor, Tensor]:
     """The pixel of each point.
 
-    camera: an object with width, height, fx, fy, cx, cy (pixels).  rounded: round to the nearest pixel corner, as the published
-    code does, instead of truncating.  Returns inside (N,) bool, False for points at or behind the camera plane or outside the
-    picture, and index (M,) int64 of row-major pixels for the points inside; index comes first.
+    camera: an object with width, height, fx, fy, cx, cy (pixels), and maybe orthographic (viewer.picture.camera).
+    rounded: round to the nearest pixel corner, as the published code does, instead of truncating.
+    Returns inside (N,) bool, False for points at or behind the camera plane or outside the picture, and
+    index (M,) int64 of row-major pixels for the points inside; index comes first.
     """
     scalar = torch.tensor((camera.fx, camera.fy, camera.cx, camera.cy), dtype=torch.float64).to(z)
-    inverse = 1.0 / z
+    distance = getattr(camera, "orthographic", None)
+    inverse = 1.0 / z if distance is None else torch.full_like(z, 1.0 / distance)
     u = scalar[0] * (x * inverse) + scalar[2]
     v = scalar[1] * (y * inverse) + scalar[3]
     if rounded:

@@ -17,19 +17,20 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from .fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset  # fmt: skip
+from .fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, wider_ramp  # fmt: skip
 from .pyramid import bilinear, clamped, quads
 
 DEPTH = 3
 """Channel of the depth feature."""
 
 
-def pull_push(image: Tensor, mask: Tensor) -> Tensor:
+def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None) -> Tensor:
     """Fills the pixels outside ``mask``.
 
     image: (C, H, W) float.  Where C > 3, channel 3 is the depth feature, and all channels are filled from the background.
     mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
     where the weight is 1; all zeros where nothing is measured.
+    footprint: of an orthographic picture, as of :func:`model.reference.fill_constants.wider_ramp`.
     """
     by_depth = len(image) > DEPTH
     weight = mask.to(image.dtype)
@@ -38,7 +39,7 @@ def pull_push(image: Tensor, mask: Tensor) -> Tensor:
         parts, shares = quads(sums[-1], 0.0), quads(weights[-1], 0.0)
         level = len(weights) - 1
         if by_depth and level >= FIRST_LEVEL:
-            kept = background([_feature(part, share) for part, share in zip(parts, shares, strict=True)], level)
+            kept = background([_feature(part, share) for part, share in zip(parts, shares, strict=True)], level, footprint)
             parts = [keep * part for keep, part in zip(kept, parts, strict=True)]
             shares = [keep * share for keep, share in zip(kept, shares, strict=True)]
         a, b, c, d = shares
@@ -52,20 +53,22 @@ def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     for level in range(len(weights) - 2, -1, -1):
         weight = weights[level]
         gated = by_depth and level + 1 >= FIRST_LEVEL
-        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 if gated else None)
+        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 if gated else None,
+                                                         footprint)
     return filled
 
 
-def background(features: Sequence[Tensor], level: int) -> list[Tensor]:
+def background(features: Sequence[Tensor], level: int, footprint: float | None = None) -> list[Tensor]:
     """Weights 0..1 of four neighbouring samples of a level: 0 where a sample is clearly nearer than the farthest of them and
     the point spacing of its surface is clearly smaller than the level's pixels.  The farthest has weight 1.
 
-    features: four depth features of one shape.  level: 2^level pixels a side.
+    features: four depth features of one shape.  level: 2^level pixels a side.  footprint: as of :func:`pull_push`.
     """
     a, b, c, d = features
     farthest = torch.maximum(torch.maximum(a, b), torch.maximum(c, d))
     nearer = [((farthest - f) * NEARER_SCALE - NEARER_START).clamp(0.0, 1.0) for f in features]
-    wider = [(f * WIDER_SCALE + wider_offset(level)).clamp(0.0, 1.0) for f in features]
+    factor, offset = wider_ramp(level, footprint)
+    wider = [(f * factor + offset).clamp(0.0, 1.0) for f in features]
     return [1.0 - n * w for n, w in zip(nearer, wider, strict=True)]
 
 
@@ -74,7 +77,7 @@ def _feature(part: Tensor, share: Tensor) -> Tensor:
     return torch.where(share > 0, part[DEPTH] / share.clamp_min(1e-20), EMPTY_FEATURE)
 
 
-def _sampled(coarse: Tensor, height: int, width: int, level: int | None) -> Tensor:
+def _sampled(coarse: Tensor, height: int, width: int, level: int | None, footprint: float | None) -> Tensor:
     """Samples a filled coarser level at the finer level's pixel centres: bilinear, borders repeated, background only.
 
     coarse: (C, h, w).  level: of ``coarse``; None: bilinear without a test.  The weights are 9, 3, 3, 1 of 16, as in
@@ -88,7 +91,7 @@ def _sampled(coarse: Tensor, height: int, width: int, level: int | None) -> Tens
         for vertical in (-1, 1):
             a, b = coarse, clamped(coarse, side, 0)
             c, d = clamped(coarse, 0, vertical), clamped(coarse, side, vertical)
-            i, j, k, m = background([x[DEPTH] for x in (a, b, c, d)], level)
+            i, j, k, m = background([x[DEPTH] for x in (a, b, c, d)], level, footprint)
             i, j, k = 9.0 * i, 3.0 * j, 3.0 * k
             total = (i + j) + (k + m)
             rows.append(((i * a + j * b) + (k * c + m * d)) / total)

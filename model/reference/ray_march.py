@@ -26,13 +26,17 @@ MAX_STEPS = 1024
 and the march would not end."""
 _LOOSE, _INNER = 0, 255
 """Codes of occupied blocks, beside empty ones (LOOSE) and in the middle of a surface (INNER); others: distance to one."""
+_EVERYWHERE = 1e9
+"""Times a depth: beyond any scene."""
 _NEAR = np.float32(1e-12)
 """Smallest divisor of a ray's component: a ray parallel to a side meets it far away."""
 
 
 def sparse_depth(camera, spacing: float) -> float:
     """View-space z, file units, up to which points ``spacing`` file units apart are sparse in the picture."""
-    return camera.fx * spacing / (SPARSE_SHARE * max(camera.width, camera.height))
+    sparse = camera.fx * spacing / (SPARSE_SHARE * max(camera.width, camera.height))
+    parallel = getattr(camera, "orthographic", None)  # of one scale everywhere: all depths are sparse, or none
+    return sparse if parallel is None else _EVERYWHERE * sparse if parallel <= sparse else 0.0
 
 
 def rays_of(camera, to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -50,14 +54,30 @@ def rays_of(camera, to_world: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ray / size[..., None], size
 
 
+def parallel_rays_of(camera, to_world: np.ndarray, eye: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of an orthographic camera: (h, w, 3) float32 where each ray begins, in blocks; and as :func:`rays_of`.
+
+    eye: (3,) camera position in blocks from the lattice's corner.  side: of a block, file units.
+    """
+    f = np.float32
+    i = (np.arange(-(-camera.width // RAY_BLOCK), dtype=f) + f(0.5)) * f(RAY_BLOCK)
+    j = (np.arange(-(-camera.height // RAY_BLOCK), dtype=f) + f(0.5)) * f(RAY_BLOCK)
+    x, y = np.meshgrid((i - f(camera.cx)) / f(camera.fx), (j - f(camera.cy)) / f(camera.fy))
+    turn, parallel = to_world.astype(f), f(camera.orthographic / side)
+    begins = np.stack([f(eye[k]) + (turn[k, 0] * x + turn[k, 1] * y) * parallel for k in range(3)], axis=-1)
+    size = np.abs(turn[:, 2]).max()
+    ray = np.broadcast_to(turn[:, 2] / size, begins.shape)
+    return begins, ray, np.full(x.shape, size, f)
+
+
 def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarray, sparse: float) -> np.ndarray:
     """(h, w) uint8: NOTHING, TOUCHED or IN_SURFACE.
 
     codes: (X, Y, Z) uint8 of viewer/render/culling/occupancy.py.  eye: (3,) camera position in blocks from the lattice's
-    corner.  rays, sizes: of :func:`rays_of`.  sparse: :func:`sparse_depth`, in blocks.
+    corner, or (h, w, 3) where each ray begins.  rays, sizes: of :func:`rays_of`.  sparse: :func:`sparse_depth`, in blocks.
     """
-    extent, eye = np.array(codes.shape, np.float32), eye.astype(np.float32)
-    flat = rays.reshape(-1, 3)
+    extent, flat = np.array(codes.shape, np.float32), rays.reshape(-1, 3)
+    eye = np.broadcast_to(eye.astype(np.float32), rays.shape).reshape(-1, 3)
     away = np.where(np.abs(flat) < _NEAR, _NEAR, flat)
     a, b = (-eye) / away, (extent - eye) / away
     t = np.maximum(np.minimum(a, b).max(axis=1), np.float32(START))
@@ -70,7 +90,7 @@ def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarra
     for _ in range(MAX_STEPS):
         if not len(left):
             break
-        at = np.clip(np.floor(eye + t[left, None] * flat[left]).astype(np.int64), 0, last)
+        at = np.clip(np.floor(eye[left] + t[left, None] * flat[left]).astype(np.int64), 0, last)
         code = codes[tuple(at.T)]
         held = (code == _INNER) | (code == _LOOSE)
         within = (code == _INNER) & (t[left] < until[left]) & (t[left] >= since[left])

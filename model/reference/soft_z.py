@@ -3,7 +3,7 @@
 Shared by the shaders' host code and the torch reference implementation (model/reference/projection.py); imports no torch.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 SOFT_RELATIVE = 1.0 / 128.0
 """Tolerance of ``auto`` as a share of depth; SOFT_SPACINGS is its lower limit.  Half of it changes the filled picture by -0.21
@@ -31,6 +31,11 @@ class SoftZ:
     rounded: bool = False
     linear: bool = False
     unlit: bool = False
+
+    def at_distance(self, distance: float | None) -> "SoftZ":
+        """The tolerance for an orthographic camera that has the scale of a pinhole at ``distance`` (file units): it does not
+        grow with depth.  None: a pinhole's, unchanged."""
+        return self if distance is None else replace(self, relative=0.0, absolute=max(self.relative * distance, self.absolute))
 
     @staticmethod
     def preset(name: str, spacing: float, metre: float, *, unlit: bool = False) -> "SoftZ":

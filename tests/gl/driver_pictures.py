@@ -6,6 +6,7 @@ scene and rasteriser whether 64-bit atomics were used, the keep-mask, the depth 
 """
 
 import sys
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -62,6 +63,8 @@ def pictures(context, points: int = 60_000, sizes=((160, 120), (97, 61), (7, 3))
             frame = renderer.render(camera, Settings(filter=preset, quality="fast"), views)
             out += [frame.image(view).tobytes() for view in views]
             out += [frame.depth().tobytes(), frame.mask().tobytes()]
+        parallel = renderer.render(replace(camera, orthographic=2.0), Settings(), VIEWS)
+        out += [parallel.image(view).tobytes() for view in VIEWS]
         history = Occlusion()
         for _ in range(2):
             frame = renderer.render(small, Settings(), ("filled",), history)

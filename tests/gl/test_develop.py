@@ -34,7 +34,7 @@ def bench(context, seed):
     textures = {view: context.texture(size, 4, image.tobytes(), alignment=1) for view, image in images.items()}
     depths = context.texture(size, 1, depth.tobytes(), alignment=1, dtype="f4")
     masks = context.texture(size, 1, (mask * np.uint8(255)).tobytes(), alignment=1)
-    frame = SimpleNamespace(textures=textures, depth_texture=depths, mask_texture=masks, photo_share=None)
+    frame = SimpleNamespace(textures=textures, depth_texture=depths, mask_texture=masks, photo_share=None, ratio_depth=None)
     programs = Programs(context)
     developer = Developer(programs, size)
     yield SimpleNamespace(frame=frame, images=images, depth=depth, mask=mask, developer=developer, random=random)

@@ -1,4 +1,5 @@
-"""The pinhole camera: where it stands (float64, the file's own coordinates) and how it projects (pixels).
+"""The camera, a pinhole or an orthographic one: where it stands (float64, the file's own coordinates) and how it projects
+(pixels).
 
 World frame: the scan file's.  Camera frame in ``camera_to_world``: OpenGL axes, x right, y up, -z forward.  View frame,
 used for projection: x right, y down, z forward, so that z is the depth.  A pixel (column i, row j) spans
@@ -18,16 +19,21 @@ FOCAL_LENGTHS = (1e-12, 1e12)
 numbers overflow."""
 _OFF_CENTRE = 1e9
 """How many sides the principal point may lie off the picture."""
+SCALE_DISTANCES = (1e-12, 1e12)
+"""The least and the most that an orthographic camera's scale may be measured at, file units: its inverse is a float32."""
 _FARTHEST = 1e20
 """File units from zero; beyond it a number is no position (as for points, viewer.grid.building.histogram)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera without distortion.
+    """A camera without distortion.
 
     width, height: pixels.  fx, fy, cx, cy: pixels.  camera_to_world: (4, 4) float64; its rotation may carry a uniform
-    scale, which is taken out.  Raises InputError naming the first bad value.
+    scale, which is taken out.  orthographic: None for a pinhole.  Else all rays are parallel to the line of sight, and the
+    scale is that which the pinhole has at this view-space depth, file units: fx / orthographic pixels a file unit.  Points
+    behind the plane through the position across the line of sight are not seen, as with a pinhole.
+    Raises InputError naming the first bad value.
     """
 
     width: int
@@ -38,6 +44,7 @@ class Camera:
     cy: float
     camera_to_world: np.ndarray
     name: str = ""
+    orthographic: float | None = None
     view_rotation: np.ndarray = field(init=False, repr=False)
     """(3, 3) float64, world -> view axes (x right, y down, z forward)."""
 
@@ -66,6 +73,12 @@ class Camera:
             if abs(_number(given)) > _OFF_CENTRE * side:
                 raise InputError(f"{label}: {centre} {given!r}: the principal point is too far off a picture {side} pixels "
                                  "across; expected pixels, mostly half of that")
+        if self.orthographic is not None:
+            distance = _number(self.orthographic)
+            if not SCALE_DISTANCES[0] <= distance <= SCALE_DISTANCES[1]:
+                raise InputError(f"{label}: orthographic {self.orthographic!r}: expected a distance in file units, from "
+                                 f"{SCALE_DISTANCES[0]:g} to {SCALE_DISTANCES[1]:g}")
+            object.__setattr__(self, "orthographic", distance)
         try:
             matrix = np.array(self.camera_to_world, np.float64)
         except (TypeError, ValueError):
@@ -97,7 +110,18 @@ class Camera:
     @property
     def key(self) -> tuple:
         """Equal for cameras that make the same picture: everything but the name."""
-        return (self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.camera_to_world.tobytes())
+        return (self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.orthographic, self.camera_to_world.tobytes())
+
+    def divisor(self, depth):
+        """What view-space x and y are divided by: ``depth``, or of an orthographic camera a constant of its shape."""
+        return depth if self.orthographic is None else np.full_like(np.asarray(depth, np.float64), self.orthographic)
+
+    def ray(self, pixel: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Where the ray through a position of the picture begins, (3,), at depth 0, and its direction, (3,) of length 1."""
+        if self.orthographic is not None:
+            return self.unproject([pixel], 0.0)[0], self.forward
+        along = self.unproject([pixel], 1.0)[0] - self.position
+        return self.position, along / np.linalg.norm(along)
 
     @property
     def position(self) -> np.ndarray:
@@ -140,7 +164,7 @@ class Camera:
         """
         view = (np.asarray(points, np.float64).reshape(-1, 3) - self.position) @ self.view_rotation.T
         depth = view[:, 2]
-        safe = np.where(depth > 0, depth, np.nan)
+        safe = np.where(depth > 0, self.divisor(depth), np.nan)
         pixels = np.stack([self.cx + self.fx * view[:, 0] / safe, self.cy + self.fy * view[:, 1] / safe], axis=1)
         return pixels, depth
 
@@ -151,7 +175,8 @@ class Camera:
         """
         pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
         depth = np.broadcast_to(np.asarray(depth, np.float64), len(pixels))
-        view = np.stack([(pixels[:, 0] - self.cx) / self.fx * depth, (pixels[:, 1] - self.cy) / self.fy * depth, depth], axis=1)
+        by = self.divisor(depth)
+        view = np.stack([(pixels[:, 0] - self.cx) / self.fx * by, (pixels[:, 1] - self.cy) / self.fy * by, depth], axis=1)
         return self.position + view @ self.view_rotation
 
     def resized(self, width: int, height: int) -> "Camera":

@@ -122,6 +122,7 @@ def camera_to_json(camera: Camera) -> dict[str, Any]:
     return {
         "name": camera.name, "width": camera.width, "height": camera.height, "fx": camera.fx, "fy": camera.fy, "cx": camera.cx,
         "cy": camera.cy, "camera_to_world": camera.camera_to_world.tolist(),
+        **({} if camera.orthographic is None else {"orthographic": camera.orthographic}),
     }
 
 
@@ -134,8 +135,16 @@ def camera_from_json(found: dict[str, Any], where: str) -> Camera:
         width, height, fx, fy, cx, cy = lens
         if not isinstance(found["name"], str):
             raise TypeError
-        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), found["name"])
+        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), found["name"],
+                      _distance(found.get("orthographic")))
     except (TypeError, KeyError, ValueError, OverflowError):
         raise InputError("its camera is damaged", file=where) from None
     except InputError as error:
         raise InputError((error,), file=where) from None
+
+
+def _distance(found: object) -> float | None:
+    """Of an orthographic camera; None of a pinhole.  Raises TypeError for what is no number."""
+    if found is not None and (isinstance(found, bool) or not isinstance(found, (int, float))):
+        raise TypeError
+    return found

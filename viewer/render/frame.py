@@ -89,7 +89,8 @@ class Frame:
     """One picture of a camera in the views asked for.  Textures belong to the renderer and are valid until its next render.
 
     filled_depth: R32F, view-space z in file units of the filled picture, 0 where it is not opaque; None where it was not asked
-    for.  photo_share: R8, how much of each pixel of the filled and the neural view is from photographs; None: nothing."""
+    for.  ratio_depth: R32F, the depth of which ratios are compared (viewer.render.passes.depth_ratios); None: depth_texture.
+    photo_share: R8, how much of each pixel of the filled and the neural view is from photographs; None: nothing."""
 
     camera: "Camera"
     textures: dict[str, "moderngl.Texture"]
@@ -99,6 +100,7 @@ class Frame:
     times: "Times" = field(repr=False)
     filled_depth: "moderngl.Texture | None" = None
     photo_share: "moderngl.Texture | None" = None
+    ratio_depth: "moderngl.Texture | None" = None
 
     def image(self, view: str) -> np.ndarray:
         """(H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top.  Raises KeyError for a view not asked for."""

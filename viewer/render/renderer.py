@@ -30,7 +30,6 @@ from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
 from .frame import Frame, FrameFacts, raster_facts
 from .passes.filter import DepthFilter
-from .passes.filter_cpu import CpuDepthFilter
 from .photographs.scene_photographs import ScenePhotographs
 from .raster.choose_raster import RASTERISERS as RASTERISERS
 from .raster.choose_raster import RasterChoice, fastest
@@ -38,7 +37,6 @@ from .raster.edit_block import block_of, without_clipped_cells
 from .raster.mark_pages import MarkPages
 from .raster.points import PointPages
 from .raster.raster import Rasteriser
-from .raster.raster_cpu import CpuRasteriser
 from .raster.stations import ScannerPositions, uses_station_weights
 from .sized_passes import KeptPasses, SizedPasses
 from .stage_times import Stages
@@ -151,16 +149,17 @@ class Renderer:
         rasteriser, facts = self._rasterise(camera, settings, views, draw, history, edits, streaming=streaming)
         textures = {"raw": rasteriser.colour}
         frame = Frame(camera, textures, rasteriser.depth, None, facts, stages.times)
+        depth = frame.ratio_depth = self._passes.depth_for(rasteriser, camera, self.scene)
         if "filter" in wanted:
             with stages("filter"):
-                step = self._filtered(settings, rasteriser)
+                step = self._passes.filtered(settings, rasteriser, depth, self.metre)
             textures["filtered"], frame.mask_texture = step.filtered, step.mask
             if "fill" in wanted:
                 network = None
                 if "network" in wanted:
                     network = self._neural_for(settings, background=defer_network or streaming)
                 photos = self.photographs.ready(camera, settings, edits, wait=not streaming)
-                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, step.mask, network,
+                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, depth, step.mask, network,
                                                    with_depth=filled_depth or bool(photos))
                 frame.filled_depth = self._passes.fill_pass().depth if filled_depth else None
                 self._passes.add_photographs(frame, self.photographs, photos, network, stages)
@@ -188,13 +187,13 @@ class Renderer:
     def _rasterise(self, camera: "Camera", settings: Settings, views: tuple[str, ...], draw: DrawList,
                    history: Occlusion | None, edits: Edits | None, *, streaming: bool) -> tuple[Rasteriser, FrameFacts]:
         """Draws the points.  Returns the rasteriser, which holds the picture, and the facts of the frame so far."""
-        soft = self._soft_z(settings)
+        soft = self._soft_z(settings).at_distance(camera.orthographic)
         if edits is not None and edits.recolours:
             soft = replace(soft, unlit=False)  # a black attribute is a colour
-        weighted = uses_station_weights(settings, self._scanner_positions)
+        weighted = uses_station_weights(settings, self._scanner_positions) and camera.orthographic is None
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
-        recalled = self._history(history, settings, views, rasteriser)
+        recalled = None if camera.orthographic else self._history(history, settings, views, rasteriser)
         marks = None if edits is None else marks_of(self.scene, edits)
         with self._stages("raster"):
             rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)
@@ -206,7 +205,8 @@ class Renderer:
         return rasteriser, facts
 
     def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 mask: "moderngl.Texture", network: "NeuralStage | None", *, with_depth: bool) -> "moderngl.Texture":
+                 depth: "moderngl.Texture", mask: "moderngl.Texture", network: "NeuralStage | None", *, with_depth: bool
+                 ) -> "moderngl.Texture":
         """The filled view; also writes the input of ``network``, where one is given."""
         stages, passes, level = self._stages, self._passes, None
         fill = passes.fill_pass()
@@ -217,7 +217,7 @@ class Renderer:
                           weighted=rasteriser.weighted, detail=settings.detail)  # fmt: skip
             level = noise.level
         with stages("fill"):
-            fill.run(colour, confidence, rasteriser.depth, noise=level,
+            fill.run(colour, confidence, depth, noise=level,
                      camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
                      network=network.bridge.input if network else None, with_depth=with_depth)  # fmt: skip
         return fill.filled
@@ -245,7 +245,9 @@ class Renderer:
     def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
         """What separates holes from background: the scan's surfaces; the picture alone where edits drop much of them."""
         around, dropped = self._enclosure.around(camera.position), edits is not None and edits.drops_much(self.scene.count)
-        return Directions(np.full_like(around.closed, OPEN), None) if dropped else around
+        if dropped or camera.orthographic:  # its rays come from no one place
+            return Directions(np.full_like(around.closed, OPEN), None if dropped else self._enclosure.occupancy)
+        return around
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a benchmark replaces it."""
@@ -268,16 +270,6 @@ class Renderer:
             settings.raster, passes.rasterisers, self._programs, passes.size,
             lambda: fastest(self._programs, passes.size, self.device, self.pages, draw, camera, soft, stations,
                             streaming=streaming))
-
-    def _filtered(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
-        """Runs the depth filter and returns it."""
-        step = self._passes.filter_for(settings, rasteriser)
-        if isinstance(step, CpuDepthFilter):
-            assert isinstance(rasteriser, CpuRasteriser)
-            step.run(rasteriser, strength=settings.filter_strength)
-        else:
-            step.run(rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre)
-        return step
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
         """The network's stage, as SizedPasses.neural_for; a benchmark replaces it."""

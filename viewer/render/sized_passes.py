@@ -3,7 +3,10 @@
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..common.errors import DeviceError, Option
+from .passes.depth_ratios import ParallelDepth, middle_depth
 from .passes.fill import Fill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from ...model.appearance.noise import NoiseModel
+    from ..grid.scene import Scene
+    from ..picture.camera import Camera
     from ..picture.settings import Settings
     from .device.shader import Programs
     from .frame import Frame
@@ -40,6 +45,7 @@ class SizedPasses:
     confidence: Confidence | None = None
     noise: NoiseLevel | None = None
     photos: PhotoPass | None = None
+    parallel: ParallelDepth | None = None
     neural: "NeuralStage | None" = None
     spare_neural: "NeuralStage | None" = None
 
@@ -58,6 +64,27 @@ class SizedPasses:
             current = self.filter = (CpuDepthFilter(self.programs.context, self.size, settings.filter_levels) if here else
                                      DepthFilter(self.programs, self.size, settings.filter, settings.filter_levels))
         return current
+
+    def depth_for(self, rasteriser: "Rasteriser", camera: "Camera", scene: "Scene") -> "moderngl.Texture":
+        """The depth that filter, fill and eye-dome lighting take: the rasteriser's, or of an orthographic camera what stands
+        for it (viewer.render.passes.depth_ratios)."""
+        if camera.orthographic is None:
+            return rasteriser.depth
+        self.parallel = self.parallel or ParallelDepth(self.programs, self.size)
+        return self.parallel.run(rasteriser.depth, camera, middle_depth(camera, scene))
+
+    def filtered(self, settings: "Settings", rasteriser: "Rasteriser", depth: "moderngl.Texture", metre: float
+                 ) -> "DepthFilter | CpuDepthFilter":
+        """Runs the depth filter and returns it.  depth: of :meth:`depth_for`.  metre: file units in a metre."""
+        step = self.filter_for(settings, rasteriser)
+        if isinstance(step, CpuDepthFilter):
+            assert isinstance(rasteriser, CpuRasteriser)
+            same = depth is rasteriser.depth
+            depths = rasteriser.depths if same else np.frombuffer(depth.read(alignment=1), np.float32)
+            step.run(rasteriser, depths, strength=settings.filter_strength)
+        else:
+            step.run(rasteriser.colour, depth, strength=settings.filter_strength, metre=metre)
+        return step
 
     def fill_input(self, rasteriser: "Rasteriser", mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
         """Colours that the fill starts from, and the weight of each pixel: the raw picture and the keep-mask, or, of weighted
@@ -111,12 +138,13 @@ class SizedPasses:
 
     def release(self) -> None:
         """Frees all of them."""
-        singles = self.filter, self.fill, self.confidence, self.noise, self.photos
+        singles = self.filter, self.fill, self.confidence, self.noise, self.photos, self.parallel
         for made in (*self.rasterisers.values(), *singles, *self.networks):
             if made is not None:
                 made.release()
         self.rasterisers = {}
-        self.filter = self.fill = self.confidence = self.noise = self.photos = self.neural = self.spare_neural = None
+        self.filter = self.fill = self.confidence = self.noise = self.photos = self.parallel = None
+        self.neural = self.spare_neural = None
 
 
 class KeptPasses:

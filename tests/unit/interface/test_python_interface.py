@@ -287,3 +287,21 @@ def test_cameras_are_read_as_the_render_command_reads_them():
     cameras = pointglass.read_cameras(demo_scan().with_name("demo_cameras.json"), size=(96, 72))
     assert cameras[0].name == "01-living-room" and {(c.width, c.height) for c in cameras} == {(96, 72)}
     assert replace(cameras[0], name="x").name == "x"
+
+
+def test_an_orthographic_camera_has_one_scale_and_is_refused_by_files_of_pinholes(tmp_path, seed):
+    random = np.random.default_rng(seed)
+    target, ahead = random.normal(size=3) + (4.5e5, 5.2e6, 300), random.normal(size=3)
+    camera = pointglass.orthographic(target, direction=ahead, height=7.0, size=(400, 350))
+    aside = camera.right * 2.0 + camera.up * -1.5
+    pixels, depth = camera.project([target + aside + camera.forward * away for away in (-60.0, 0.0, 900.0)])
+    assert np.allclose(pixels, (200 + 2.0 * 50, 175 + 1.5 * 50), atol=1e-4) and np.allclose(np.diff(depth), (60.0, 900.0))
+    plan = pointglass.orthographic(target, height=7.0, back=3.0)
+    assert np.allclose(plan.up, (0, 1, 0)) and np.allclose(plan.forward, (0, 0, -1)) and plan.position[2] == target[2] + 3.0
+    for given in ({"height": 0.0}, {"height": 5.0, "direction": (0, 0, 0)}, {"height": 5.0, "up": (0, 0, 2)}, {"height": "5"}):
+        with pytest.raises(pointglass.InputError):
+            pointglass.orthographic(target, **given)
+    for name in ("transforms.json", "camera_path.json"):
+        with pytest.raises(pointglass.InputError, match="is orthographic; this format holds pinholes only"):
+            pointglass.write_cameras(tmp_path / name, plan)
+    assert not list(tmp_path.iterdir())

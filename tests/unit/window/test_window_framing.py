@@ -96,7 +96,8 @@ def test_from_each_side_the_whole_scan_is_seen_upright(side, up, seed):
     assert inside.mean() > 0.98 and (np.ptp(pixels[inside], axis=0) / (600, 400)).max() > 0.6
     direction = np.array(SIDES[side].direction)
     assert camera.forward @ (upright @ direction) > 0.999 * np.linalg.norm(direction)
-    ahead = upright @ (0.0, 1.0, 0.0) if side == "top" else np.array(up)
+    vertical = {"top": 1.0, "bottom": -1.0}
+    ahead = upright @ (0.0, vertical[side], 0.0) if side in vertical else np.array(up)
     assert camera.up @ ahead > 0.5, "+y lies at the top from above, up at the top from elsewhere"
 
 

@@ -94,6 +94,8 @@ def _stations(scene: "Scene", document: "Document") -> list[Place]:
 def _viewpoints(document: "Document", scene: "Scene") -> list[Place]:
     found: list[Place] = []
     for view in document.viewpoints:
+        if view.orthographic is not None:
+            continue  # it stands nowhere
         pose = np.array(view.camera_to_world)
         if _is_new(pose[:3, 3], found, _metre(scene)):
             found.append(Place(view.name, pose[:3, 3], _level(-pose[:3, 2], document.up)))

@@ -56,7 +56,7 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
             for number, (place, record) in enumerate(zip(places, records, strict=True))],
         "plans": [{"picture": base64_text(alpha_png(plan.alpha)), "low": plan.low.tolist(), "high": plan.high.tolist(),
                    "width": plan.alpha.shape[1], "height": plan.alpha.shape[0]} for plan in plans],
-        "viewpoints": [_viewpoint(view, stands, axes) for view in document.viewpoints],
+        "viewpoints": [_viewpoint(view, stands, axes) for view in document.viewpoints if view.orthographic is None],
         "notes": [
             {"title": note.title(number), "text": note.text, "status": STATUSES[note.status].name,
              "link": note.link if is_address(note.link) else "",

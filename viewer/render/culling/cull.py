@@ -90,12 +90,14 @@ class Culler:
         planes = np.array(
             [(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)]
         )
+        if camera.orthographic is not None:  # the sides are parallel to the line of sight
+            planes[:4, 2] = 0.0
         sides = np.abs(planes @ rotation)
         corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
         found = visible_cells(
             self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
-            np.array([camera.fx, camera.fy, left, right, top, bottom]), sides, corner, lod, self._coverage, self._boxes,
-            self._cells, self._cell_view, self._need,
+            np.array([camera.fx, camera.fy, left, right, top, bottom]), camera.orthographic or 0.0, sides, corner, lod,
+            self._coverage, self._boxes, self._cells, self._cell_view, self._need,
         )  # fmt: skip
         return self._cells[:found]
 

@@ -30,12 +30,14 @@ WHOLE_CODE = code_of_box(*(int(side) for side in WHOLE))
 
 
 @compiled(nogil=True)
-def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corner, lod, faces, boxes, cells, cell_view, need):
+def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, sides, corner, lod, faces, boxes, cells,
+                  cell_view, need):
     """Cells that intersect the frustum, by ascending row.  Returns how many.
 
     coords: (C, 3) int32.  blocks: (B, 6) float64, middle and half extent of each ``per`` consecutive cells, in cells.
     size: of a cell.  shift: (3,) from the camera to the grid's origin.  rotation: (3, 3) world to view.  lens: (6,) fx, fy
-    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).
+    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).  parallel: of an
+    orthographic camera, the depth at which the lens gives its scale; 0 of a pinhole.
     sides: (5, 3), change of the distance to each of the four sides, and of depth, per unit along x, y and z.
     corner: (3,) view vector from a cell's middle to its first step's.  lod: points wanted a pixel, 0 for all.
     faces: (C, 3) uint8 as in Scene, or (0, 3): each cell is taken for a wall across all of it, seen at a right angle.
@@ -64,11 +66,12 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corne
                 a, b, c = 0.0, fy if side == 2 else -fy, top if side == 2 else bottom
             else:
                 a, b, c = 0.0, 0.0, 1.0
-            distance = a * x + b * y + c * z
+            distance = a * x + b * y + c * (parallel if parallel > 0.0 and side < 4 else z)
+            tilt = 0.0 if parallel > 0.0 and side < 4 else c
             extent = (
-                abs(a * r00 + b * r10 + c * r20) * hx
-                + abs(a * r01 + b * r11 + c * r21) * hy
-                + abs(a * r02 + b * r12 + c * r22) * hz
+                abs(a * r00 + b * r10 + tilt * r20) * hx
+                + abs(a * r01 + b * r11 + tilt * r21) * hy
+                + abs(a * r02 + b * r12 + tilt * r22) * hz
             )
             slack = SLACK * extent + far * (abs(a) + abs(b) + abs(c))
             if distance + extent + slack < 0.0:
@@ -102,20 +105,27 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corne
                 y += r10 * dx + r11 * dy + r12 * dz
                 z += r20 * dx + r21 * dy + r22 * dz
             hx, hy, hz = hx * WIDER, hy * WIDER, hz * WIDER
+            away = parallel if parallel > 0.0 else z
             if not inside and not (
-                fx * x + left * z + (sides[0, 0] * hx + sides[0, 1] * hy + sides[0, 2] * hz) >= 0.0
-                and right * z - fx * x + (sides[1, 0] * hx + sides[1, 1] * hy + sides[1, 2] * hz) >= 0.0
-                and fy * y + top * z + (sides[2, 0] * hx + sides[2, 1] * hy + sides[2, 2] * hz) >= 0.0
-                and bottom * z - fy * y + (sides[3, 0] * hx + sides[3, 1] * hy + sides[3, 2] * hz) >= 0.0
+                fx * x + left * away + (sides[0, 0] * hx + sides[0, 1] * hy + sides[0, 2] * hz) >= 0.0
+                and right * away - fx * x + (sides[1, 0] * hx + sides[1, 1] * hy + sides[1, 2] * hz) >= 0.0
+                and fy * y + top * away + (sides[2, 0] * hx + sides[2, 1] * hy + sides[2, 2] * hz) >= 0.0
+                and bottom * away - fy * y + (sides[3, 0] * hx + sides[3, 1] * hy + sides[3, 2] * hz) >= 0.0
                 and z + (sides[4, 0] * hx + sides[4, 1] * hy + sides[4, 2] * hz) >= 0.0
             ):
                 continue
             if lod > 0.0:
                 nearest = max(z - (sides[4, 0] * hx + sides[4, 1] * hy + sides[4, 2] * hz), 1e-9 * size)
+                if parallel > 0.0:
+                    nearest = parallel
                 need[found] = lod * ((size * fx / nearest) * (size * fy / nearest))
                 if row < faces.shape[0] and faces[row, 0] != UNKNOWN:
-                    seen = faces[row, 0] * abs(px) + faces[row, 1] * abs(py) + faces[row, 2] * abs(pz)
-                    need[found] *= seen / (SQUARES * max(z, nearest))
+                    if parallel > 0.0:
+                        seen = faces[row, 0] * abs(r20) + faces[row, 1] * abs(r21) + faces[row, 2] * abs(r22)
+                        need[found] *= seen / SQUARES
+                    else:
+                        seen = faces[row, 0] * abs(px) + faces[row, 1] * abs(py) + faces[row, 2] * abs(pz)
+                        need[found] *= seen / (SQUARES * max(z, nearest))
             found += 1
     return found
 

@@ -38,6 +38,9 @@ class Rendered(Protocol):
     def depth_texture(self) -> "moderngl.Texture": ...
 
     @property
+    def ratio_depth(self) -> "moderngl.Texture | None": ...
+
+    @property
     def mask_texture(self) -> "moderngl.Texture | None": ...
 
     @property
@@ -63,7 +66,7 @@ class Developer:
 
         tint, and lock for a neural picture, need the filtered view in the frame (except tint of a raw picture).
         """
-        picture, depth, mask = frame.textures[view], frame.depth_texture, frame.mask_texture
+        picture, depth, mask = frame.textures[view], frame.ratio_depth or frame.depth_texture, frame.mask_texture
         measured = frame.textures.get("filtered", picture)
         if lock and view == "neural" and mask is not None:
             picture = self._run("look_lock.comp", {"picture": picture, "measured": measured, "mask": mask})

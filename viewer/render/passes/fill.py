@@ -6,12 +6,13 @@ pixel, channels last, in a storage buffer that CUDA can map as plain memory (see
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import log2
 from typing import TYPE_CHECKING, Any
 
 import moderngl
 
 from ....model.network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
-from ....model.reference.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
+from ....model.reference.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, wider_ramp
 from ..culling.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
 from ..device.compute_pass import Pass
 from .filter import level_sizes
@@ -26,10 +27,14 @@ INPUT_BYTES = 16  # a pixel
 _CONSTANTS: dict[str, Any] = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
 _BACKGROUND: dict[str, Any] = {
     "BACKGROUND": 1, "EMPTY_FEATURE": EMPTY_FEATURE, "NEARER_SCALE": NEARER_SCALE, "NEARER_START": NEARER_START,
-    "WIDER_SCALE": WIDER_SCALE,
 }  # fmt: skip
 
 _PULLED, _PUSHED = ("coarse_value", "coarse_weight", "coarse_noise"), ("out_value", "out_noise")
+
+
+def footprint_feature(camera: "Camera", spacing: float) -> float | None:
+    """Depth feature of every pixel by its size, which is the same everywhere in an orthographic picture; None of a pinhole."""
+    return None if camera.orthographic is None else DEPTH_FEATURE_SCALE * log2(camera.orthographic / (camera.fx * spacing))
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,7 @@ class Fill:
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             around: Directions, spacing: float, network: "Storage | None" = None,
             noise: moderngl.Texture | None = None, with_depth: bool = False) -> None:
-        """around: the directions from the camera position.  spacing: of points, file units.
+        """depth: Frame.ratio_depth.  around: the directions from the camera position.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only.
         with_depth: whether ``depth`` is written, too."""
@@ -72,7 +77,7 @@ class Fill:
             noise = None
         feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
-        coarse, is_sum = self._pyramid(base, feature_scale)
+        coarse, is_sum = self._pyramid(base, feature_scale, footprint_feature(camera, spacing))
         view = closed_in_view(around.closed, camera)
         if view not in (CLOSED, SEALED):  # else no direction in view is background, and the hole test is not needed
             self._hole_test.run(camera, around.occupancy)
@@ -91,8 +96,11 @@ class Fill:
                           writes=network is not None, ALIKE=view, SEALED=SEALED, DEPTH=1 if with_depth else None)
         push.run(*outputs.values(), inputs=inputs, buffers={} if network is None else {"NETWORK": network}, **uniforms)
 
-    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
-        """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0."""
+    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float, footprint: float | None
+                 ) -> tuple[dict[str, moderngl.Texture], int]:
+        """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0.
+
+        footprint: :func:`footprint_feature`."""
         carried = self._noise_pyramid() if "noise" in base else _Noise([], [])
         noisy = bool(carried.values)
         levels = [{"value": value, "weight": weight} for value, weight in zip(self._values, self._weights, strict=True)]
@@ -102,7 +110,7 @@ class Fill:
             below, background = levels[index - 1] if index else base, index >= FIRST_LEVEL
             uniforms: dict[str, Any] = {} if index else {"feature_scale": feature_scale}
             if background:
-                uniforms["wider_offset"] = wider_offset(index)
+                uniforms["wider"] = wider_ramp(index, footprint)
             pull = self._pass("fill_pull.comp", _PULLED[: len(level)], below, uniforms, base=index == 0, noise=noisy,
                               background=background)
             pull.run(*level.values(), inputs=below, **uniforms)
@@ -113,7 +121,7 @@ class Fill:
             inputs = {**coarse, **levels[index], "whole_weight": self._weights[-1]}
             uniforms = {"coarse_is_sum": is_sum}
             if background := above >= FIRST_LEVEL:
-                uniforms["wider_offset"] = wider_offset(above)
+                uniforms["wider"] = wider_ramp(above, footprint)
             push = self._pass("fill_push.comp", _PUSHED[: len(made)], inputs, uniforms, noise=noisy, background=background)
             push.run(*made.values(), inputs=inputs, **uniforms)
             coarse, is_sum = made, 0

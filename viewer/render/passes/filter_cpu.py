@@ -63,10 +63,11 @@ class CpuDepthFilter:
         self._pyramid = [FilterLevel.of(each) for each in (size, *level_sizes(size, self.levels))]
         self._kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
 
-    def run(self, rasteriser: "CpuRasteriser", *, strength: float = 1.0) -> None:
-        """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance."""
+    def run(self, rasteriser: "CpuRasteriser", depths: np.ndarray, *, strength: float = 1.0) -> None:
+        """Fills ``mask`` and ``filtered``.  depths: (H * W,) float32, the rasteriser's, or what stands for them.  strength:
+        multiplies the tolerance."""
         base, pyramid = self._pyramid[0], self._pyramid
-        in_rows(base.height, _FEW, base_rows, rasteriser.depths, base.near, base.support, base.width)
+        in_rows(base.height, _FEW, base_rows, depths, base.near, base.support, base.width)
         for fine, coarse in itertools.pairwise(pyramid):
             in_rows(coarse.height, _FEW, coarser_rows, fine.near, fine.support, fine.width, coarse.near, coarse.support,
                     coarse.width)  # fmt: skip

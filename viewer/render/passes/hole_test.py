@@ -117,7 +117,8 @@ class Rays:
         self._of: Occupancy | None = None
         self._march = Pass(
             programs, "ray march", "hole_march.comp", outputs=("met",), inputs=("codes",),
-            uniforms=("to_world", "lens", "sparse", "eye"), RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
+            uniforms=("to_world", "lens", "sparse", "eye", "parallel"), RAY_BLOCK=RAY_BLOCK,
+            STEP=ray_march.STEP, START=ray_march.START,
             START_IN_SURFACE=ray_march.START_IN_SURFACE,
             MAX_STEPS=ray_march.MAX_STEPS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
             TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE,
@@ -136,6 +137,7 @@ class Rays:
             to_world=tuple(camera.view_rotation.ravel()),  # rows of world -> view are columns of view -> world
             lens=(camera.fx, camera.fy, camera.cx, camera.cy),
             sparse=ray_march.sparse_depth(camera, occupancy.spacing) / occupancy.side,
+            parallel=(camera.orthographic or 0.0) / occupancy.side,
             eye=tuple((camera.position - occupancy.origin) / occupancy.side))
         return self._met
 

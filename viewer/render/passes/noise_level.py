@@ -37,7 +37,7 @@ class NoiseLevel:
         self._sigma = context.texture3d(sigma.shape[::-1], 1, sigma.tobytes(), dtype="f4")
         self._pass = Pass(
             programs, "noise level", "noise_level.comp", outputs=("level",), inputs=("raw", "depth", "weight", "mask", "sigma"),
-            uniforms=("lens", "to_lattice", "eye", "scale", "point_weight", "curve"), KNOTS=KNOTS,
+            uniforms=("lens", "parallel", "to_lattice", "eye", "scale", "point_weight", "curve"), KNOTS=KNOTS,
             LUMA_R=float(LUMA[0]), LUMA_G=float(LUMA[1]), LUMA_B=float(LUMA[2]))
         self._pass.tell(curve=noise.curve.astype(float).tolist())
 
@@ -48,7 +48,7 @@ class NoiseLevel:
         voxel = self.noise.voxel
         self._pass.run(
             self.level, inputs={"raw": raw, "depth": depth, "weight": weight, "mask": mask, "sigma": self._sigma},
-            lens=(camera.fx, camera.fy, camera.cx, camera.cy),
+            lens=(camera.fx, camera.fy, camera.cx, camera.cy), parallel=camera.orthographic or 0.0,
             to_lattice=tuple((camera.view_rotation / voxel).ravel()),  # rows of world -> view: columns of view -> world
             eye=tuple((np.asarray(camera.position, np.float64) - self.noise.origin) / voxel),
             scale=noise_scale(detail), point_weight=TYPICAL_WEIGHT if weighted else 1.0)

@@ -42,8 +42,8 @@ class ScenePhotographs:
 
     def ready(self, camera: "Camera", settings: "Settings", edits: "Edits | None", *, wait: bool) -> list[int]:
         """Numbers of the photographs that colour a picture, as PhotoLibrary.ready.  None where points show another value than
-        their colour."""
-        off = settings.photos == "off" or (edits is not None and edits.recolours)
+        their colour, and of orthographic cameras."""
+        off = settings.photos == "off" or (edits is not None and edits.recolours) or camera.orthographic is not None
         self._last = None if off else self.library(settings.photos)
         return [] if self._last is None else self._last.ready(camera, wait=wait)
 

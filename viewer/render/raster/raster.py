@@ -78,6 +78,7 @@ class Rasteriser:
         record = self._record
         record["axes"][:, :3] = draw.axes
         record["axes"][0, 3] = soft.unlit
+        record["axes"][1, 3] = 0.0 if camera.orthographic is None else 1.0 / camera.orthographic
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self._loaded = None

@@ -25,7 +25,8 @@ _EMPTY = _U(0x7F800000)  # +inf
 
 
 class View(NamedTuple):
-    """How points become pixels.  axes: (3, 4) float32, view x, y, z per step along a cell's axes.  lens: (4,) float32 fx, fy,
+    """How points become pixels.  axes: (3, 4) float32, view x, y, z per step along a cell's axes; the fourth of the second row
+    is 1 / the depth at which an orthographic camera has its scale, 0 of a pinhole.  lens: (4,) float32 fx, fy,
     cx, cy.  corner: 0.5 where pixel coordinates are rounded, else 0.  relative, absolute: the soft z-buffer's limits."""
 
     axes: np.ndarray
@@ -74,7 +75,7 @@ def _project(drawn, number, view, pixel, x, y, z):
     yx, yy, yz = view.axes[1, 0], view.axes[1, 1], view.axes[1, 2]
     zx, zy, zz = view.axes[2, 0], view.axes[2, 1], view.axes[2, 2]
     fx, fy, cx, cy = view.lens[0], view.lens[1], view.lens[2], view.lens[3]
-    x0, y0, z0, corner = cell[0], cell[1], cell[2], view.corner
+    x0, y0, z0, corner, parallel = cell[0], cell[1], cell[2], view.corner, view.axes[1, 3]
     width, height, row = _F(view.width), _F(view.height), np.int32(view.width)
     for i in range(count):
         first, second = words[3 * i], words[3 * i + 1]
@@ -84,7 +85,7 @@ def _project(drawn, number, view, pixel, x, y, z):
         x[i] = px = x0 + ((xx * qx + xy * qy) + xz * qz)
         y[i] = py = y0 + ((yx * qx + yy * qy) + yz * qz)
         z[i] = pz = z0 + ((zx * qx + zy * qy) + zz * qz)
-        inverse = _F(1.0) / pz
+        inverse = parallel if parallel > _F(0.0) else _F(1.0) / pz
         u = fx * (px * inverse) + cx
         v = fy * (py * inverse) + cy
         u += corner

@@ -16,13 +16,13 @@ from ...work.places.up_axis import turned, upright_axes
 from . import mouse
 from .framing import from_side, overview
 from .gamepad import STILL
-from .glide import Glide
+from .glide import Glide, Turn
 from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
+from .parallel_flight import REST as REST
+from .parallel_flight import ParallelFlight
 from .start_viewpoint import FIELD_OF_VIEW, Survey
 from .walking import Walker
 
-REST = 0.25
-"""Seconds without a change of camera that count as rest."""
 STICK = 2.2
 """Radians a second that a fully pushed stick turns the camera.  What appears at the top edge of the picture is in its middle
 after 0.24 s, the time in which a person sees, decides and moves (Card, Moran and Newell 1983): FIELD_OF_VIEW / 2 in 0.24 s."""
@@ -30,10 +30,11 @@ _LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wa
 _WAYS = {"forward", "back", "left", "right", "up", "down"}
 
 
-class Flight:
+class Flight(ParallelFlight):
     """One camera through one scene after another; before the first there is nowhere to fly.
 
     state: position, direction, speed.  field_of_view: vertical, degrees.  home: the start viewpoint.
+    Of the class it is made from: orthographic, plane.
     held: actions of the keys held down.
     mouse: what drags and the wheel do, a key of viewer.window.flight.mouse.PRESETS.
     looking: whether the mouse turns the camera.  push: what the gamepad asks for.
@@ -46,28 +47,30 @@ class Flight:
         self._seen: Survey | None = None
         self.state = self.home = FlyState(np.zeros(3))
         self.field_of_view = FIELD_OF_VIEW
+        self.orthographic = None
         self.held: set[str] = set()
         self.looking = self.floor_lost = False
         self.mouse = mouse.DEFAULT
         self.walker: Walker | None = None
         self.push = STILL
         self._look = [0.0, 0.0]
-        self._glide: tuple[float, Glide] | None = None  # since when
+        self._glide: tuple[float, Glide | Turn] | None = None  # since when
         self._dragged = False  # since the last call of advance
         self._moved = clock()
-        self._camera: tuple[tuple[int, int], float, FlyState, Camera] | None = None
+        self._camera: tuple[tuple, FlyState, Camera] | None = None
         self._time: float | None = None
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """The camera of a picture of so many pixels; the same object until something changes."""
-        made, lens, state = self._camera, self.field_of_view, self.state  # a state is never changed, but replaced
-        if made is None or made[0] != size or made[1] != lens or made[2] is not state:
-            made = self._camera = size, lens, state, from_fov(*size, lens, state.camera_to_world)
-        return made[3]
+        made, key, state = self._camera, (size, self.field_of_view, self.orthographic), self.state  # states are replaced
+        if made is None or made[0] != key or made[1] is not state:
+            lens = from_fov(*size, self.field_of_view, state.camera_to_world)
+            made = self._camera = key, state, replace(lens, orthographic=self.orthographic) if self.orthographic else lens
+        return made[2]
 
     def begin(self, state: FlyState, seen: Survey) -> None:
         """Shows another scene, from ``state`` on, with the usual field of view."""
-        self.field_of_view = FIELD_OF_VIEW
+        self.field_of_view, self.orthographic = FIELD_OF_VIEW, None
         self._seen, self.state, self.home = seen, state, state
         self._glide = self.walker = None
         self._moved = self._clock() - REST
@@ -80,11 +83,6 @@ class Flight:
     def at_home(self) -> bool:
         """Whether the camera is at the start viewpoint."""
         return _place(self.state) == _place(self.home)
-
-    @property
-    def middle(self) -> np.ndarray:
-        """(3,) the middle of the scene, file coordinates."""
-        return np.zeros(3) if self._seen is None else (self._seen.low + self._seen.high) / 2
 
     @property
     def moving(self) -> bool:
@@ -109,7 +107,7 @@ class Flight:
         """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
         now = self._clock()
         dt = 0.0 if self._time is None else min(now - self._time, _LONGEST_STEP)
-        moves, before = self.under_way, self.state
+        moves, before, scale = self.under_way, self.state, self.orthographic
         self._time = now if moves else None
         if self._keys_move() or any(self._look):
             self._glide = None
@@ -117,9 +115,12 @@ class Flight:
             self._follow_glide(now)
         elif moves and self._seen is not None:
             motion = self._motion(dt)
-            self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
+            if self.height is not None:
+                self._step_orthographic(motion, self.height, dt)
+            else:
+                self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
         self._look = [0.0, 0.0]
-        changed, self._dragged = self._dragged or _place(before) != _place(self.state), False
+        changed, self._dragged = self._dragged or _place(before) != _place(self.state) or self.orthographic != scale, False
         if changed:
             self._moved = now
         return changed
@@ -148,6 +149,7 @@ class Flight:
 
     def walk(self, walker: Walker, speed: float) -> None:
         """Goes on on foot.  speed: file units a second."""
+        self.to_perspective()
         self.walker, self.floor_lost, self._glide = walker, False, None
         self.state = replace(self.state, speed=speed)
 
@@ -161,6 +163,8 @@ class Flight:
         assert self._glide is not None
         since, glide = self._glide
         self.state = replace(glide.at(now - since), speed=self.state.speed)
+        if isinstance(glide, Turn) and (scale := glide.scale_at(now - since)) is not None:
+            self.orthographic = scale
         if now - since >= glide.seconds:
             self._glide = None
 
@@ -170,7 +174,9 @@ class Flight:
         self._glide = self.walker = None
 
     def glide_to(self, state: FlyState) -> None:
-        """Begins a short flight to ``state``; a key, a drag or another flight ends it where it is.  This ends a walk."""
+        """Begins a short flight to ``state``; a key, a drag or another flight ends it where it is.  This ends a walk, and an
+        orthographic view."""
+        self.to_perspective()
         self.state, self.walker = replace(self.state, velocity=np.zeros(3)), None
         self._glide = self._clock(), Glide(self.state, state)
 
@@ -207,7 +213,8 @@ class Flight:
         return np.array([x, y]) / length if length > 1e-9 * abs(z) + 1e-300 else np.array([0.0, -1.0])
 
     def go(self, state: FlyState) -> None:
-        """Puts the camera somewhere else at once, keeping the flying speed."""
+        """Puts the camera somewhere else at once, keeping the flying speed.  This ends an orthographic view."""
+        self.to_perspective()
         self.state = view_along(state.position, state.forward, self.state.speed, self.state.upright)
         self._glide = self.walker = None
         self._moved = self._clock() - REST
@@ -220,6 +227,7 @@ class Flight:
         """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
         if np.allclose(self.state.upright[:, 2], up):
             return False
+        self.to_perspective()
         self.state = view_along(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
         self._glide = self.walker = None
         self._moved = self._clock() - REST
@@ -228,12 +236,15 @@ class Flight:
     def go_home(self) -> None:
         """Back to the start viewpoint, at the speed and with the field of view it began with."""
         self.field_of_view = FIELD_OF_VIEW
+        self.to_perspective()
         self.state = self.home
         self.go(self.home)
 
     def step_back(self, aspect: float) -> None:
         """Looks the same way from where everything is in view.  aspect: width over height."""
-        if self._seen is not None:
+        if self.orthographic is not None:
+            self.fit(aspect)
+        elif self._seen is not None:
             upright = self.state.upright
             seen, ahead = turned(self._seen, upright), upright.T @ self.state.forward
             place = upright @ overview(seen, aspect, ahead, self.state.speed).position
@@ -243,6 +254,9 @@ class Flight:
         """Flies to where everything is in view from one of viewer.window.flight.framing.SIDES, with the usual field of view."""
         if self._seen is not None:
             upright = self.state.upright
+            if self.orthographic is not None:
+                self.turn_to_side(side, aspect)
+                return
             there = from_side(turned(self._seen, upright), aspect, side, self.state.speed)
             self.field_of_view = FIELD_OF_VIEW
             self.glide_to(view_along(upright @ there.position, upright @ there.forward, self.state.speed, upright))

@@ -22,8 +22,11 @@ class Side:
 SIDES = {
     "top": Side("Top", "The whole scene from above, +y up", (0.0, 1e-6, -1.0)),
     "front": Side("Front", "The whole scene along +y", (0.0, 1.0, 0.0)),
-    "side": Side("Side", "The whole scene from its right, along -x", (-1.0, 0.0, 0.0)),
+    "side": Side("Right", "The whole scene from its right, along -x", (-1.0, 0.0, 0.0)),
     "iso": Side("Iso", "The whole scene from a corner above it", (-1.0, 1.0, -0.82)),
+    "bottom": Side("Bottom", "The whole scene from below, +x to the right", (0.0, 1e-6, 1.0)),
+    "back": Side("Back", "The whole scene from behind, along -y", (0.0, -1.0, 0.0)),
+    "left": Side("Left", "The whole scene from its left, along +x", (1.0, 0.0, 0.0)),
 }
 
 

@@ -30,11 +30,52 @@ class Glide:
         """
         if elapsed >= self.seconds:
             return self.end
-        t = max(elapsed, 0.0) / self.seconds
-        share = t * t * t * (t * (6.0 * t - 15.0) + 10.0)  # smootherstep (Perlin 2002)
+        share = eased(elapsed / self.seconds)
         turn = (self.end.yaw - self.start.yaw + np.pi) % (2 * np.pi) - np.pi
         return replace(
             self.end, position=self.start.position + share * (self.end.position - self.start.position),
             yaw=float((self.start.yaw + share * turn + np.pi) % (2 * np.pi) - np.pi),
             pitch=float(self.start.pitch + share * (self.end.pitch - self.start.pitch)), velocity=np.zeros(3),
         )  # fmt: skip
+
+
+TURN_SECONDS = 0.45
+"""Duration of a turn about a point: half of a flight's, because what is looked at stays in place."""
+
+
+def eased(t: float) -> float:
+    """Smootherstep (Perlin 2002) of a share of the time, 0 to 1."""
+    t = min(max(t, 0.0), 1.0)
+    return t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """A turn about a point, which moves straight across the picture from where it was seen to where it will be.
+
+    pivot: (3,).  scales: of an orthographic camera, its distances at both ends; None of a pinhole.
+    """
+
+    start: FlyState
+    end: FlyState
+    pivot: np.ndarray
+    scales: tuple[float, float] | None = None
+    seconds: float = TURN_SECONDS
+
+    def at(self, elapsed: float) -> FlyState:
+        """The camera ``elapsed`` seconds after the start."""
+        if elapsed >= self.seconds:
+            return self.end
+        share = eased(elapsed / self.seconds)
+        turn = (self.end.yaw - self.start.yaw + np.pi) % (2 * np.pi) - np.pi
+        state = replace(self.end, yaw=float((self.start.yaw + share * turn + np.pi) % (2 * np.pi) - np.pi),
+                        pitch=float(self.start.pitch + share * (self.end.pitch - self.start.pitch)), velocity=np.zeros(3))
+        first, last = (each.camera_to_world[:3, :3].T @ (self.pivot - each.position) for each in (self.start, self.end))
+        return replace(state, position=self.pivot - state.camera_to_world[:3, :3] @ (first + share * (last - first)))
+
+    def scale_at(self, elapsed: float) -> float | None:
+        """The distance of the scale ``elapsed`` seconds after the start; it changes by equal factors in equal shares."""
+        if self.scales is None:
+            return None
+        first, last = self.scales
+        return last if elapsed >= self.seconds else first * (last / first) ** eased(elapsed / self.seconds)

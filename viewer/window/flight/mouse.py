@@ -4,7 +4,7 @@ A tool that takes clicks keeps them: a drag begins where the pointer has moved f
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Gesture = Literal["look", "orbit", "pan", "zoom", "speed"]
@@ -38,6 +38,13 @@ class MousePreset:
     def turn(self, *, control: bool) -> Gesture:
         """What the wheel does."""
         return self.wheel if not control else "speed" if self.wheel == "zoom" else "zoom"
+
+    @property
+    def orthographic(self) -> "MousePreset":
+        """The same for an orthographic camera, which stands nowhere to look around from and has no speed."""
+        turns: dict[str, Gesture] = {drag: "pan" if "right" in drag else "orbit" for drag, of in self.drags.items()
+                                     if of == "look"}
+        return replace(self, drags={**self.drags, **turns}, wheel="zoom")
 
     @property
     def rows(self) -> list[tuple[str, str]]:

@@ -21,14 +21,14 @@ ZOOM_STEP = 0.85
 """Distance to the point after a notch of the wheel, as a share of that before."""
 
 
-def orbited(state: FlyState, pivot: np.ndarray, dx: float, dy: float) -> FlyState:
+def orbited(state: FlyState, pivot: np.ndarray, dx: float, dy: float, steepest: float = PITCH_LIMIT) -> FlyState:
     """Turned about ``pivot`` (3,), which keeps its distance and its pixel.
 
-    dx, dy: mouse movement in logical pixels, right and down positive; the scene follows the mouse.  The pitch stops short of
-    straight up and down.
+    dx, dy: mouse movement in logical pixels, right and down positive; the scene follows the mouse.  steepest: radians; the
+    usual pitch stops short of straight up and down.
     """
     yaw = (state.yaw - ORBIT * dx + np.pi) % (2 * np.pi) - np.pi
-    pitch = float(np.clip(state.pitch - ORBIT * dy, -PITCH_LIMIT, PITCH_LIMIT))
+    pitch = float(np.clip(state.pitch - ORBIT * dy, -steepest, steepest))
     turned = replace(state, yaw=float(yaw), pitch=pitch)
     rotation = turned.camera_to_world[:3, :3] @ state.camera_to_world[:3, :3].T
     return replace(turned, position=pivot + rotation @ (state.position - pivot))

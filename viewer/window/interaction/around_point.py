@@ -11,9 +11,9 @@ import numpy as np
 
 from ...work.places.approach import approach
 from ...work.places.pick import nearest_pixel
-from ..flight.mouse import PRESETS
 from ..flight.navigation import view_along
 from ..flight.orbit import orbited, panned, zoomed
+from ..flight.parallel_moves import zoom_of
 from .editing import metres_per_unit
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class AroundPoint:
 
     def pointer(self, event: "PointerEvent", context: "ToolContext") -> bool:
         """Handles an event.  Returns whether it was one of these gestures."""
-        mouse, held = PRESETS[context.session.flight.mouse], event.modifiers
+        mouse, held = context.session.flight.preset, event.modifiers
         if event.kind == "press" and (gesture := mouse.drag(event.button, shift=held.shift)) in ("orbit", "pan"):
             self._begun, self._dragged, self._zoom = (event, gesture), (0.0, 0.0), None
             if event.button == "middle":  # no tool takes its clicks: the point is marked at once
@@ -88,6 +88,9 @@ class AroundPoint:
             self._end(context)
             if not (event.button == "left" and event.clicks == 2):
                 return True
+        if event.kind == "wheel" and context.session.flight.orthographic is not None:
+            context.session.flight.zoom_at(context.session.area.size, event.position, zoom_of(event.notches))
+            return True
         if event.kind == "wheel" and mouse.turn(control=held.control) == "zoom":
             self._turn_wheel(event, context)
             return True
@@ -116,7 +119,7 @@ class AroundPoint:
         if not self._captured:
             self._captured = True
             context.capture_pointer(True)
-        flight.drag(orbited(flight.state, self.pivot, *delta))
+        flight.drag(orbited(flight.state, self.pivot, *delta, flight.steepest))
 
     def _end(self, context: "ToolContext") -> None:
         self.pivot = self._begun = None
@@ -136,6 +139,9 @@ class AroundPoint:
         point = measured_under(context, event.position)
         if scene is None or point is None:
             context.toast("No measured point here to fly to")
+            return
+        if flight.orthographic is not None:
+            flight.centre(point)
             return
         metre = 1.0 / (metres_per_unit(context) or 1.0)
         position, direction = approach(scene, flight.state.position, point, flight.state.upright[:, 2], metre)

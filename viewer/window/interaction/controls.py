@@ -48,6 +48,7 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("G",), "G", "walk", "walk on the floor, or fly again"),
         Control(("HOME",), "Home", "home", "back to the start viewpoint"),
         Control(("F",), "F", "frame", "see the whole scene from here"),
+        Control(("X", "KP_5"), "X", "orthographic", "orthographic with a scale bar, or perspective"),
     ),
     "See": (
         *(Control((str(number),), str(number), f"view_{view}", row.key_help)

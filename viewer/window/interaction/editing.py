@@ -17,7 +17,6 @@ from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
 from ...work.places.pick import Kept, Picked, pick, surface_around
 from ...work.selection import Selection
-from ..flight.navigation import view_along
 from ..kit.worker import Worker
 
 if TYPE_CHECKING:
@@ -49,9 +48,7 @@ def paste_camera(context: "ToolContext") -> None:
     except PointglassError as error:
         context.toast(str(error))
         return
-    flight = context.session.flight
-    flight.field_of_view = camera.vertical_fov
-    flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    context.session.flight.show(camera)
     context.renew_picture()
 
 

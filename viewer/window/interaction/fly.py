@@ -6,7 +6,6 @@ person (viewer.window.flight.mouse).
 
 from typing import TYPE_CHECKING
 
-from ..flight.mouse import PRESETS
 from ..kit import icons
 from .around_point import DRAG, AroundPoint
 from .tool import PointerEvent, Tool, ToolContext
@@ -30,7 +29,7 @@ class Fly(Tool):
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         flight = context.session.flight
         about_point = self.around_point.pointer(event, context)
-        mouse = PRESETS[flight.mouse]
+        mouse = flight.preset
         if event.kind == "press" and mouse.drag(event.button, shift=event.modifiers.shift) == "look":
             self._pressed, self._dragged = True, (0.0, 0.0)
             return True

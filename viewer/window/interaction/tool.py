@@ -103,9 +103,7 @@ class ToolContext:
 
     def ray(self, position: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         """Origin (3,) and unit direction (3,), file coordinates, of the viewing ray through a pixel position."""
-        camera = self.camera
-        along = camera.unproject([position], 1.0)[0] - camera.position
-        return camera.position, along / np.linalg.norm(along)
+        return self.camera.ray(position)
 
     def pixels(self, length: float) -> float:
         """Pixels of the picture that ``length`` design units (kit.theme) make; for a picking radius."""

@@ -96,7 +96,7 @@ def at_rest(context: Host, *, points: bool) -> bool:
 def _same_ray(at: Place, there: Camera, here: Camera) -> Place | None:
     """The place in the picture of one camera that shows what ``at`` shows in that of another; None where they do not stand and
     look alike, or where it is outside."""
-    if not np.array_equal(there.camera_to_world, here.camera_to_world):
+    if not np.array_equal(there.camera_to_world, here.camera_to_world) or there.orthographic != here.orthographic:
         return None
     column = here.cx + (at[0] - there.cx) * (here.fx / there.fx)
     row = here.cy + (at[1] - there.cy) * (here.fy / there.fy)

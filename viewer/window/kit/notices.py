@@ -56,6 +56,7 @@ class ToastSubject(Enum):
     FLOOR = auto()
     RECORDING = auto()
     HIDDEN_INTERFACE = auto()
+    PROJECTION = auto()
 
 
 @dataclass(frozen=True)

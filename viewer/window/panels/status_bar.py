@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 
 from ...common.text import count_text
 from ...preprocess.scan_description import ScanDescription
+from ...work.measuring.measure_text import length_text
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, hint
@@ -64,13 +65,23 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
                 "The measured point under the pointer, in the file's coordinates"),
         _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
-        _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
-                "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
+        _moving(session),
         _Column(state + rough, 176, text, more_to_come),
         _Column(drawn_text(drawn, total, fewer=drops) if total else "", 160, "Points drawn, of all points"
                 + drops * ": those in view before clips and hidden scans take points away"),
         _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),
     ]
+
+
+def _moving(session: Session) -> _Column:
+    """How fast the camera flies or walks; of an orthographic one how much it shows."""
+    flight = session.flight
+    if flight.height is not None:
+        text = f"{length_text(flight.height, session.facts.metres_per_unit)} high"
+        return _Column(text, 116, "Height of the orthographic picture; the wheel changes it, X for perspective")
+    on_foot = "on foot, " if flight.walker is not None else ""
+    return _Column(on_foot + session.speed_text, 116,
+                   "Flying or walking speed; the wheel changes it, G walks on the floor or flies again")
 
 
 _ORDER = (0, 3, 5, 2, 4, 1)  # what is kept first where the window is narrow

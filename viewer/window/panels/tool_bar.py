@@ -34,7 +34,7 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
     folded = not session.area.panels.outliner
     gaps = 1 + folded
     room = area.height - 2 * px(_AWAY) - 2 * px(_PAD) - 2 * gaps * px(_GAP)
-    rows = {columns: folded + ceil(len(toolbox.tools) / columns) + ceil(3 / columns) for columns in (1, 2)}
+    rows = {columns: folded + ceil(len(toolbox.tools) / columns) + ceil(4 / columns) for columns in (1, 2)}
     columns = 1 if room / rows[1] >= px(_LEAST_BUTTON) else 2
     side = max(min(px(_BUTTON), room / rows[columns]), px(_LEAST_BUTTON))
     tall = rows[columns] * side + 2 * gaps * px(_GAP)
@@ -60,6 +60,11 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
         actions.do("frame")
     if icon_button(f"{icons.SIDES}##sides", "The whole scene from above, the front, the side, a corner", style, side=side):
         imgui.open_popup("sides")
+    _column(3, columns)
+    parallel = session.flight.orthographic is not None
+    said = "Perspective" if parallel else "Orthographic: parallel rays, one scale, a scale bar"
+    if icon_button(f"{icons.ORTHOGRAPHIC}##orthographic", f"{said} (X)", style, side=side, lit=parallel):
+        actions.do("orthographic")
     _sides(actions, style)
     _end()
 

@@ -112,11 +112,10 @@ class ShownScan:
         self._flight.begin(state, self._seen)
         resume, self.resume = self.resume, None
         if document.view is not None:
-            self._flight.field_of_view = document.view.vertical_fov
+            self._flight.show(document.view.camera(16, 9))
         elif resume is not None and self._chosen:  # Home stays the start viewpoint that was chosen here
             self._chosen = False
-            self._flight.state = _at(resume.camera(16, 9), state)
-            self._flight.field_of_view = resume.vertical_fov
+            self._flight.show(resume.camera(16, 9))
 
     def mend_start(self, document: Document, aspect: float) -> None:
         """Flies to the complete scan's start viewpoint where that of its preview is much worse and nobody has moved yet."""

@@ -15,6 +15,7 @@ from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
+from ..interaction.projection_switch import change_projection
 from ..interaction.tool import KeyEvent, ToolContext
 from ..interaction.toolbox import Toolbox
 from ..kit.notices import Offer
@@ -154,6 +155,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "home": session.go_home,
         "frame": session.frame_scene,
         **{f"from_{side}": partial(_look_from, session, side) for side in SIDES},
+        "orthographic": partial(change_projection, app.tools),
         "walk": partial(_walk, app),
         "slower": lambda: session.wheel(-SPEED_NOTCHES),
         "faster": lambda: session.wheel(SPEED_NOTCHES),

@@ -76,6 +76,7 @@ def _draw(app: Host, *, shown: bool) -> None:
     if session.interface and session.scene is not None:
         _overlays(app)
         hud.draw_handle(session, look, hovered=over)
+        hud.draw_scale_bar(session, look)
         draw_outliner(session, app.toolbox, app.tools, app.actions, look)
         draw_inspector(session, app.toolbox, app.tools, app.actions, look)
         draw_status_bar(session, look, fps=app.viewport.frame_rate)

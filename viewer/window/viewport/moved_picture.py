@@ -49,26 +49,33 @@ class MovedPicture:
         """(3,) file coordinates: where the picture that is moved was made; None where there is none."""
         return None if self._shown is None or self._shown.camera is None else self._shown.camera.position
 
+    @staticmethod
+    def takes(spec: "PictureSpec") -> bool:
+        """Whether pictures like this are moved: neural ones of pinholes."""
+        return "neural" in spec.views and spec.camera.orthographic is None
+
     def prepare(self, spec: "PictureSpec", plan: "Plan", renderer: "Renderer") -> str | None:
         """The picture of ``spec`` is drawn next, as planned.  Takes the neural picture that has been made meanwhile, and
         returns the network to start beside this picture; None where there is none, or it is not the time.
 
         Raises DeviceError where a network failed.
         """
-        key = spec.settings, spec.edits
+        pinhole = spec.camera.orthographic is None
+        key = spec.settings, spec.edits, pinhole
         if key != self._key:  # keyframes show something else
             self.forget()
             self._key = key
         if self._coming is not None and renderer.finish_earlier(self._coming.picture):
             self.arrive()
-        begins = plan.moving and plan.spare and self._beside and not (renderer.network_busy or renderer.pages.missing)
+        free = self._beside and not (renderer.network_busy or renderer.pages.missing)
+        begins = pinhole and plan.moving and plan.spare and free
         return plan.keyframes if begins else None
 
     def drew(self, frame: "Frame", spec: "PictureSpec", *, begun: bool) -> "Frame | None":
         """``frame`` was drawn for ``spec``.  begun: a network was started beside it.  Returns the frame to show instead, with a
         moved neural picture as its filled view; None where the frame itself is to be shown."""
         self.share, pending = None, frame.facts.network_pending
-        if "neural" not in spec.views:
+        if not self.takes(spec):
             return None
         self._beside |= bool(pending)
         if begun or pending:

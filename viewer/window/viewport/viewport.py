@@ -179,7 +179,7 @@ class Viewport:
             more = (*(("filled",) if plan.deferred else ()), *(("neural",) if begun else ()))
             frame = self.frame = render(
                 renderer, as_planned(spec, plan, begun), self._seen if plan.hides else None, more=more, streaming=True,
-                defer_network=plan.deferred or begun is not None, filled_depth="neural" in spec.views,
+                defer_network=plan.deferred or begun is not None, filled_depth=self.moved.takes(spec),
                 keep_network=begun is not None or (plan.moving and renderer.keeps_network))
             self._moved_frame = self.moved.drew(frame, spec, begun=renderer.keeps_network and begun is not None)
         except DeviceLostError:

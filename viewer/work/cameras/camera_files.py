@@ -126,6 +126,7 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
         if (camera.width, camera.height) != (width, height):
             shape = f"{camera.width}x{camera.height}"
             raise InputError(f"{where}: {shape}, but the first is {width}x{height}; this format holds one size")
+        _refuse_orthographic(camera, where)
         lens, plain = (camera.fx, camera.cx, camera.cy), (camera.fy, width / 2, height / 2)
         if not np.allclose(lens, plain, rtol=1e-6, atol=1e-6):
             raise InputError(
@@ -148,8 +149,12 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
 def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
     """Writes nerfstudio's transforms.json, from which ``read_cameras`` reads the same cameras, to the bit.
 
-    A camera without a name is read back as frame_00000 and so on.  Raises InputError where there are none.
+    A camera without a name is read back as frame_00000 and so on.  Raises InputError where there are none, or an orthographic
+    one.
     """
+    cameras = list(cameras)
+    for camera in cameras:
+        _refuse_orthographic(camera, str(path))
     frames = [
         {
             **({"file_path": f"images/{camera.name}.png"} if camera.name else {}),
@@ -161,6 +166,11 @@ def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
     if not frames:
         raise InputError("no cameras to write", file=path)
     write_json(path, {"camera_model": "PINHOLE", "frames": frames})
+
+
+def _refuse_orthographic(camera: Camera, where: str) -> None:
+    if camera.orthographic is not None:
+        raise InputError(f"{where}: camera {shown(camera.name)} is orthographic; this format holds pinholes only")
 
 
 def _named(cameras: list[Camera]) -> list[Camera]:

@@ -21,6 +21,14 @@ def unit_name(metres_per_unit: float | None) -> str:
     return f"x {metres_per_unit:g} m"
 
 
+def length_text(length: float, metres_per_unit: float | None) -> str:
+    """A length with three significant digits and the file's unit; in metres where that has no name."""
+    unit = unit_name(metres_per_unit)
+    if unit.startswith("x "):
+        length, unit = length * (metres_per_unit or 1.0), "m"
+    return f"{np.format_float_positional(length, 3, unique=False, fractional=False, trim='-')} {unit}"
+
+
 def unit_text(power: int | None, unit: str) -> str:
     """The unit of a value: degrees for power 0; of a place that of a length."""
     return {0: "°", 1: unit, 2: f"{unit}²", 3: f"{unit}³", None: unit}[power]

@@ -6,6 +6,7 @@ of 2.1 allows 45 to 60 degrees, its documentation asks readers to expect any.
 """
 
 import io
+import math
 import uuid
 import zipfile
 from collections.abc import Sequence
@@ -90,12 +91,16 @@ def _markup(topic: Topic, guid: str, unit: str, author: str, now: datetime) -> E
 
 def _view(topic: Topic, guid: str, view: Viewpoint, metres: float) -> Element:
     root = Element("VisualizationInfo", Guid=_identity(guid, "view"))
-    camera = SubElement(root, "PerspectiveCamera")
+    camera = SubElement(root, "PerspectiveCamera" if view.orthographic is None else "OrthogonalCamera")
     columns = list(zip(*view.camera_to_world))  # right, up, backward, position
     _vector(camera, "CameraViewPoint", [value * metres for value in columns[3][:3]])
     _vector(camera, "CameraDirection", [-value for value in columns[2][:3]])
     _vector(camera, "CameraUpVector", columns[1][:3])
-    SubElement(camera, "FieldOfView").text = repr(float(view.vertical_fov))
+    if view.orthographic is None:
+        SubElement(camera, "FieldOfView").text = repr(float(view.vertical_fov))
+    else:  # metres from the top edge to the bottom edge
+        half = math.tan(math.radians(view.vertical_fov) / 2) * view.orthographic * metres
+        SubElement(camera, "ViewToWorldScale").text = repr(2 * half)
     line = SubElement(SubElement(root, "Lines"), "Line")
     place = [value * metres for value in topic.note.position]
     _vector(line, "StartPoint", place)

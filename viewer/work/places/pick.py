@@ -126,12 +126,18 @@ def pick(scene: "Scene", camera: "Camera", measured: np.ndarray, depth: np.ndarr
     return describe(scene, camera, int(index[best]), pixel)
 
 
+def surface_end(front, camera: "Camera", spacing: float):
+    """How far points belong to the surface of a pixel whose depth is ``front``, a number or an array: view-space depth, file
+    units.  spacing: of the scene's points."""
+    return np.maximum(front + SOFT_RELATIVE * camera.divisor(front), front + SOFT_SPACINGS * spacing)
+
+
 def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], front: float) -> tuple[np.ndarray, np.ndarray]:
     """Running numbers of the points in a pixel from its depth to where its surface ends; (n, 3) depth and pixel position."""
     from . import pick_kernels  # numba: only once something is picked
 
     near = front * (1.0 - _DEPTH_SLACK)
-    far = max(front * (1.0 + SOFT_RELATIVE), front + SOFT_SPACINGS * scene.spacing)
+    far = surface_end(front, camera, scene.spacing)
     left, top = pixel[0] - _PIXEL_SLACK, pixel[1] - _PIXEL_SLACK
     right, bottom = pixel[0] + 1 + _PIXEL_SLACK, pixel[1] + 1 + _PIXEL_SLACK
     corners = camera.unproject([(x, y) for x in (left, right) for y in (top, bottom)] * 2, np.repeat([near, far], 4))
@@ -143,7 +149,7 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
     return pick_kernels.points_in_pixel(
         points, coords, offsets, scene.layers, rows, scene.cell_size, scene.origin - camera.position,
         np.ascontiguousarray(camera.view_rotation), np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-        np.array([left, right, top, bottom]), near, far,
+        camera.orthographic or 0.0, np.array([left, right, top, bottom]), near, far,
     )  # fmt: skip
 
 

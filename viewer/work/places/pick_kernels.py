@@ -38,11 +38,12 @@ def place_in_cell(points, i, step):
 
 
 @compiled(nogil=True)
-def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation, lens, pixel, near, far):
+def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation, lens, parallel, pixel, near, far):
     """Points of the cells ``rows`` that project into a pixel: their running numbers, view depths and pixel positions.
 
     points: (N, 3) uint32 packed.  coords: (C, 3) int32.  offsets: as in Scene.  size: of a cell.  shift: (3,) from the camera
-    to the grid's origin.  rotation: (3, 3) world to view.  lens: (4,) fx, fy, cx, cy.  pixel: (4,) left, right, top, bottom.
+    to the grid's origin.  rotation: (3, 3) world to view.  lens: (4,) fx, fy, cx, cy.  parallel: of an orthographic
+    camera, the depth at which the lens gives its scale; 0 of a pinhole.  pixel: (4,) left, right, top, bottom.
     near, far: view depths between which points count.
     """
     cells, step = coords.shape[0], size / 65536.0
@@ -58,8 +59,9 @@ def points_in_pixel(points, coords, offsets, layers, rows, size, shift, rotation
                 depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
                 if not near <= depth <= far:
                     continue
-                u = lens[0] * (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z) / depth + lens[2]
-                v = lens[1] * (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z) / depth + lens[3]
+                by = parallel if parallel > 0.0 else depth
+                u = lens[0] * (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z) / by + lens[2]
+                v = lens[1] * (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z) / by + lens[3]
                 if not (pixel[0] <= u <= pixel[1] and pixel[2] <= v <= pixel[3]):
                     continue
                 if count == len(index):

@@ -14,12 +14,13 @@ OUTSIDE, INSIDE, EDGE = 0, 1, 2
 
 
 @compiled(nogil=True)
-def in_outline(points, offsets, coords, size, shift, rotation, lens, possible, corner, tile, tiles, edges, hits, base, first,
-               last):
+def in_outline(points, offsets, coords, size, shift, rotation, lens, parallel, possible, corner, tile, tiles, edges, hits, base,
+               first, last):
     """Marks the points whose pixel lies in the outline.
 
     points: (N, 3) uint32 packed.  coords: (C, 3) int32.  size: of a cell.  shift: (3,) from the camera to the grid's origin.
-    rotation: (3, 3) world to view.  lens: (4,) fx, fy, cx, cy.  possible: (C,) bool, cells that may have such points.
+    rotation: (3, 3) world to view.  lens: (4,) fx, fy, cx, cy.  parallel: of an orthographic camera, the depth at which the
+    lens gives its scale; 0 of a pinhole.  possible: (C,) bool, cells that may have such points.
     corner: (2,) pixel of the first tile's corner.  tile: its side, pixels.  tiles: (rows, columns) uint8.
     edges: (K, 4) float64 x0, y0, x1, y1.  hits: (N,) bool.
     """
@@ -35,8 +36,9 @@ def in_outline(points, offsets, coords, size, shift, rotation, lens, possible, c
             depth = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
             if not depth > 0:
                 continue
-            u = lens[0] * (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z) / depth + lens[2]
-            v = lens[1] * (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z) / depth + lens[3]
+            by = parallel if parallel > 0.0 else depth
+            u = lens[0] * (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z) / by + lens[2]
+            v = lens[1] * (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z) / by + lens[3]
             column, row = np.floor((u - corner[0]) / tile), np.floor((v - corner[1]) / tile)
             if not (0 <= column < tiles.shape[1] and 0 <= row < tiles.shape[0]):
                 continue

@@ -16,7 +16,7 @@ from ...grid.scene import packed, positions, refuse_changed_file, scan_numbers
 from ...picture.clip import Box, normals
 from ...picture.edits import Edits
 from ...picture.point_sets import PointSet
-from ..places.pick import SOFT_RELATIVE, SOFT_SPACINGS
+from ..places.pick import surface_end
 from ..selection import Selection
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def by_outline(scene: "Scene", camera: "Camera", corners: np.ndarray) -> np.ndar
     edges = np.ascontiguousarray(np.hstack([corners, np.roll(corners, -1, axis=0)]))
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     return _run(scene, in_outline, scene.origin - camera.position, np.ascontiguousarray(camera.view_rotation), lens,
-                _possible(scene, camera, corners), corner, TILE, tiles, edges)
+                camera.orthographic or 0.0, _possible(scene, camera, corners), corner, TILE, tiles, edges)
 
 
 def not_covered(scene: "Scene", camera: "Camera", hits: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -80,8 +80,7 @@ def not_covered(scene: "Scene", camera: "Camera", hits: np.ndarray, depth: np.nd
             inside = (away > 0) & (pixels >= 0).all(axis=1) & (pixels < (width, height)).all(axis=1)
             column, row = np.where(inside[:, None], pixels, 0.0).astype(int).T
             front = depth[row, column]
-            limit = np.maximum(front * (1 + SOFT_RELATIVE), front + SOFT_SPACINGS * scene.spacing)
-            hits[index] = inside & mask[row, column] & (away <= limit)
+            hits[index] = inside & mask[row, column] & (away <= surface_end(front, camera, scene.spacing))
             meter.update(min(_BLOCK, scene.count - start))
     return hits
 

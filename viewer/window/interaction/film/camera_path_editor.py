@@ -16,7 +16,6 @@ from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_ca
 from ....work.cameras.keyframes import pace_of, passing_seconds, path_seconds, preview_cameras
 from ....work.document import LONGEST_STAY, Keyframe, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
-from ...flight.navigation import view_along
 from ...kit.widgets import compact_button
 from ...saving.capture import unwritable
 from ..editing import Pointing, edit
@@ -31,6 +30,7 @@ STEP = 3.0
 WRITTEN = {"Camera path": (".json",)}
 READ = {"Cameras": CAMERA_ENDINGS}
 """Files of cameras that are written and read: kind -> endings."""
+_ORTHOGRAPHIC = "A film is made in perspective: press X, then add the view"
 _REACH = 120.0
 """Design units around the middle of the view within which a point to go around is looked for."""
 _CURVE = 96
@@ -39,9 +39,7 @@ _CURVE = 96
 
 def fly_to(context: ToolContext, view: Viewpoint) -> None:
     """Puts the camera where a view was taken, with its field of view."""
-    camera, flight = view.camera(16, 9), context.session.flight
-    flight.field_of_view = view.vertical_fov
-    flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    context.session.flight.show(view.camera(16, 9))
     context.renew_picture()
 
 
@@ -61,12 +59,18 @@ class CameraPathEditor:
         path = context.document.path
         name = unique_name("Key", (key.view.name for key in path.keyframes))
         view = Viewpoint.of(context.camera, name) if view is None else replace(view, name=name)
+        if view.orthographic is not None:
+            context.toast(_ORTHOGRAPHIC)
+            return
         time = path.keyframes[-1].time + STEP if path.keyframes else 0.0
         edit(context, f"Add keyframe {name}", path=replace(path, keyframes=(*path.keyframes, Keyframe(time, view))))
 
     def orbit(self, context: ToolContext) -> None:
         """The path becomes one turn around the measured point nearest to the middle of the view."""
         width, height = context.camera.width, context.camera.height
+        if context.camera.orthographic is not None:
+            context.toast(_ORTHOGRAPHIC)
+            return
         found = self._pointing.at(context, (width / 2, height / 2), _REACH)
         if found is None:
             context.toast("No measured point near the middle of the view: look at what the camera is to go around")
@@ -123,7 +127,9 @@ class CameraPathEditor:
     def replace_view(self, context: ToolContext) -> None:
         """The selected keyframe becomes the present view."""
         path, number = context.document.path, self.timeline.selected
-        if number is not None and number < len(path.keyframes):
+        if context.camera.orthographic is not None:
+            context.toast(_ORTHOGRAPHIC)
+        elif number is not None and number < len(path.keyframes):
             key = path.keyframes[number]
             keys = replaced(path.keyframes, number, replace(key, view=Viewpoint.of(context.camera, key.view.name)))
             edit(context, f"Move {key.view.name}", path=replace(path, keyframes=keys))
@@ -168,9 +174,7 @@ class CameraPathEditor:
         cameras, length = preview_cameras(path), path_seconds(path)
         self.at = min(max(seconds, 0.0), length)
         camera = cameras[round(self.at / length * (len(cameras) - 1))] if length > 0 else cameras[0]
-        flight = context.session.flight
-        flight.field_of_view = camera.vertical_fov
-        flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+        context.session.flight.show(camera)
         context.renew_picture()
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:

@@ -13,7 +13,6 @@ from ....work.document import replaced, without
 from ....work.notes.annotation import STATUSES, Annotation
 from ....work.places.pick import Picked
 from ....work.viewpoint import Viewpoint
-from ...flight.navigation import view_along
 from ...kit import icons
 from ...kit.theme import fitted
 from ..editing import RADIUS, Pointing, edit
@@ -125,8 +124,7 @@ class Notes(Tool):
         if note.view is None:
             return
         camera = note.view.camera(2, 2)
-        flight.field_of_view = note.view.vertical_fov
-        flight.glide_to(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+        flight.show(camera, glide=True)
         context.renew_picture()
 
     def hint(self, context: ToolContext) -> str:
