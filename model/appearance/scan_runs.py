@@ -84,20 +84,20 @@ def solve_run_gains(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> RunGain
     xyz: (N, 3) float64.  rgb: (N, 3) uint8, none black.  at: (N,) positions in the file, in any order.
     """
     order = np.argsort(at, kind="stable")
-    xyz, rgb, at = xyz[order], rgb[order], at[order].astype(np.float64)
+    at = at[order].astype(np.float64)
     nothing = np.zeros(1), np.ones((1, 3))
     if len(at) < MIN_POINTS:
         return RunGains(*nothing, 1.0)
-    some = _regions(xyz)
-    edge = VOXEL_SPACINGS * median_spacing(xyz[some])
-    place = np.flatnonzero(some)
-    look = _Sample(xyz[some], rgb[some], edge)
+    place = np.flatnonzero(_regions(xyz)[order])
+    some = order[place]
+    edge = VOXEL_SPACINGS * median_spacing(near := xyz[some])
+    look = _Sample(near, rgb[some], edge)
     left, _ = look.solve(place // BLOCKS[-1], PREVIEW_ITERATIONS)
     if left >= MAX_REMAINING:  # longer blocks explain no more
         return RunGains(*nothing, left)
     left = [look.solve(place // block, PREVIEW_ITERATIONS)[0] for block in BLOCKS[:-1]] + [left]
     block = BLOCKS[int(np.argmin(np.array(left) * FINER_GAIN ** np.arange(len(BLOCKS))))]
-    share, gains = _Sample(xyz, rgb, edge).solve(np.arange(len(at)) // block, ITERATIONS)
+    share, gains = _Sample(xyz[order], rgb[order], edge).solve(np.arange(len(at)) // block, ITERATIONS)
     if np.percentile(np.abs(gains - gains.mean(axis=1, keepdims=True)).max(axis=1), 95) > MAX_TINT:
         return RunGains(*nothing, 1.0)
     starts = np.arange(0, len(at), block)
@@ -122,7 +122,7 @@ def _regions(xyz: np.ndarray) -> np.ndarray:
     """(N,) bool: the points of random regions of the scan, for the preview."""
     if len(xyz) < PREVIEW_ALL_BELOW:
         return np.ones(len(xyz), bool)
-    edge = float(np.ptp(xyz, axis=0).max()) / PREVIEW_CELLS or 1.0
+    edge = max(float(np.ptp(xyz[:, axis])) for axis in range(3)) / PREVIEW_CELLS or 1.0
     mixed = _voxels(xyz, edge).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     some = (mixed >> np.uint64(40)) % np.uint64(PREVIEW_SHARE) == 0
     return some if np.count_nonzero(some) * 4 * PREVIEW_SHARE > len(xyz) else np.ones(len(xyz), bool)

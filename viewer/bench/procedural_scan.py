@@ -55,6 +55,8 @@ class ProceduralScan(Source):
     Raises InputError for fewer than one point per station.
     """
 
+    worth_keeping = False
+
     def __init__(self, points: int, rooms: int | None = None, seed: int = 1):
         self.rooms = rooms_for(points) if rooms is None else rooms
         self.stations = len(STATIONS) * self.rooms
@@ -130,10 +132,10 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     from ..grid.open_scene import in_memory
     from ..preprocess.scan_description import ColourSummary, ScanDescription
 
-    def build(_files, allocate) -> Scene:
+    def build(_files, allocate, folder: Path | None = None) -> Scene:
         known = ScanDescription((scan.label,), scan.format, scan.units, scan.metres_per_unit,
                                 colour=ColourSummary("rgb", 8, "procedural"))
-        return build_grid([scan], colours=None, allocate=allocate, known=known)
+        return build_grid([scan], colours=None, allocate=allocate, known=known, folder=folder)
 
     return build([], in_memory) if folder is None else cache.build_into(folder, [], build, keep_old=True)
 

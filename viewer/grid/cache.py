@@ -200,14 +200,15 @@ def distrust(folder: Path) -> str:
 def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
     """Builds the grid of ``files`` into ``folder`` and opens it from there.
 
-    build: called with the files and a function that gives the array of n packed points
-    (viewer.grid.building.two_passes.Allocate).  keep_old: refuse to replace a folder that holds anything else than a grid.
+    build: called with the files, a function that gives the array of n packed points
+    (viewer.grid.building.two_passes.Allocate), and ``folder`` for temporary files.  keep_old: refuse to replace a folder that
+    holds anything else than a grid.
     Raises CacheError where the folder cannot be written.  Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
     with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY, files) as work:
         # the points are written to their file directly: the system writes the pages back, and memory stays bounded
-        scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape))
+        scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape), folder=work)
         _write(work, scene, identity)
         if identity != _identity(files):
             raise InputError("changed while it was read", file=files[0], remedy="try again")

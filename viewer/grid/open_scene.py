@@ -99,10 +99,10 @@ def _left_out(errors: Iterable[InputError]) -> list[ScanWarning]:
 
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None,
-                moves: "Moves | None" = None) -> Scene:
+                moves: "Moves | None" = None, folder: Path | None = None) -> Scene:
     """Reads the files, of several those that can be read, and builds their grid.
 
-    allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).
+    allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).  folder: for temporary files.
     """
     from ..preprocess.point_colour import Colours
     from ..readers.formats import open_readable
@@ -116,13 +116,28 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
             records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns, moves=moves_of_files(files, moves)),
         )  # fmt: skip
         try:
-            return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, known=known)
+            scene = build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, known=known, folder=folder)
         except InputError as error:  # damage that only reading all of its points finds
             broken = next((source for source in sources if error.is_of(source.path)), None)
             if broken is None or len(sources) == 1:
                 raise
             left_out.append(error)
             sources, _ = open_readable([source.path for source in sources if source is not broken], columns, moves)
+            continue
+        _check_unchanged(files, known)
+        return scene
+
+
+def _check_unchanged(files: list[Path], known: ScanDescription) -> None:
+    """Raises InputError naming the first file that is no longer the one that was opened."""
+    stated = known.records.files if known.records else None
+    for file, identity in zip(files, stated or ()):
+        try:
+            changed = identity_of(file) != identity
+        except OSError:
+            changed = True
+        if changed:
+            raise InputError("changed while it was read", file=file, remedy="try again")
 
 
 def _differences(sources: "Sequence[Source]") -> list[ScanWarning]:

@@ -6,12 +6,14 @@ of an E57, a point source of a LAS or LAZ file, or one of several files. The gai
 (exposures, passes) and by ``pointglass info``; ``--exposures as-scanned`` leaves all colours as the file has them.
 """
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 from ...model.appearance.exposure import exposures_of
 from ...model.appearance.scan_runs import RunGains, solve_run_gains
 from ..readers.source import Chunk
-from .black_border import DARK, black_border_share
+from .black_border import DARK, black_border_share, brightest
 from .scan_description import ExposureSummary, RunSummary
 from .valid_positions import is_position
 
@@ -21,6 +23,7 @@ MOST_STATIONS = 256
 """Stations whose gains are solved for at most; chosen by hand."""
 LEAST_CHANGE = 0.004
 """Gains that differ from one by less are not applied: about one level of 255."""
+_ALL = slice(None)
 
 
 class ExposureCompensation:
@@ -43,28 +46,32 @@ class ExposureCompensation:
         """Keeps a share of the chunk's points, unless it has no colour.  first: running number of its first point."""
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
-        number = self._numbers(source, first, chunk)
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
-        pick = pick[is_position(chunk.xyz[pick])]
-        self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
+        xyz = chunk.xyz[pick]
+        if not (usable := is_position(xyz)).all():
+            pick, xyz = pick[usable], xyz[usable]
+        number = self._numbers(source, first, chunk, pick)
+        self._parts.append((xyz, chunk.rgb[pick], number, first + pick))
         self._held += len(pick)
         while self._held > 2 * SAMPLE:
             self._share /= 2
-            self._parts = [tuple(a[::2] for a in part) for part in map(self._shuffled, self._parts)]
+            self._parts = [self._halved(part) for part in self._parts]
             self._held = sum(len(part[0]) for part in self._parts)
 
-    def _shuffled(self, part):
-        order = self._rng.permutation(len(part[0]))
-        return tuple(a[order] for a in part)
+    def _halved(self, part: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        chosen = self._rng.permutation(len(part[0]))[::2]
+        return tuple(a[chosen] for a in part)
 
-    def _numbers(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
-        """(n,) station number of each point; in pass 2 those of inferred stations where the source was split."""
+    def _numbers(self, source: int, first: int, chunk: Chunk, pick: np.ndarray | slice = _ALL) -> np.ndarray:
+        """(n,) station number of each point, or of those at ``pick``; in pass 2 those of inferred stations where the source was
+        split."""
         if source in self._turns:
-            return self._turned(source, first + np.arange(len(chunk.xyz)))
+            return self._turned(source, first + np.arange(len(chunk.xyz))[pick])
         if chunk.station is None:
             key = (source, int(chunk.scan), 0)
-            return np.full(len(chunk.xyz), self._number.setdefault(key, len(self._number)), np.int32)
-        ids, index = np.unique(chunk.station, return_inverse=True)
+            count = len(chunk.xyz) if isinstance(pick, slice) else len(pick)
+            return np.full(count, self._number.setdefault(key, len(self._number)), np.int32)
+        ids, index = _distinct(chunk.station, pick)
         keys = [(source, int(chunk.scan), int(i)) for i in ids]
         return np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)[index]
 
@@ -99,11 +106,12 @@ class ExposureCompensation:
         exposures = self._solve_stations(xyz, rgb, number) if 2 <= self.stations <= MOST_STATIONS else None
         if self._gains is not None:
             rgb = _multiplied(rgb, self._gains[number])
-        for file in np.unique(source):
-            mine = source[number] == file
-            self.black_borders[int(file)] = black_border_share(xyz[mine], rgb[mine])
-        lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # darker points: missing colour, black borders, noise
-        passes = solve_run_gains(xyz[lit], rgb[lit], at[lit])
+        with ThreadPoolExecutor(1, "borders") as pool:
+            borders = {int(file): pool.submit(_border_share, xyz, rgb, None if len(source) == 1 else source[number] == file)
+                       for file in np.unique(source)}  # fmt: skip
+            lit = np.flatnonzero(brightest(rgb) >= DARK)  # darker points: missing colour, black borders, noise
+            passes = solve_run_gains(xyz[lit], rgb[lit], at[lit])
+            self.black_borders = {file: share.result() for file, share in borders.items()}
         self._passes = passes if passes.worthwhile else None
         return exposures, RunSummary(passes.remaining, passes.worthwhile)
 
@@ -125,6 +133,23 @@ class ExposureCompensation:
         if self._gains is not None:
             rgb = _multiplied(chunk.rgb, self._gains[self._numbers(source, first, chunk)] * np.float32(1 / 257 if shift else 1))
         return rgb if self._passes is None else self._passes.apply(rgb, first)
+
+
+def _border_share(xyz: np.ndarray, rgb: np.ndarray, mine: np.ndarray | None) -> float:
+    """``black_border_share`` of the points at ``mine``; None: of all."""
+    return black_border_share(xyz, rgb) if mine is None else black_border_share(xyz[mine], rgb[mine])
+
+
+def _distinct(ids: np.ndarray, pick: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+    """The different ids (n,), ascending, and the number among them of each id at ``pick``: np.unique, which sorts, without
+    sorting where ids have at most 16 bits."""
+    if ids.dtype.kind != "u" or ids.dtype.itemsize > 2:
+        different, index = np.unique(ids, return_inverse=True)
+        return different, index[pick]
+    different = np.flatnonzero(np.bincount(ids, minlength=1))
+    place = np.zeros(int(different[-1]) + 1, np.int64)
+    place[different] = np.arange(len(different))
+    return different, place[ids[pick]]
 
 
 def _multiplied(rgb: np.ndarray, gains: np.ndarray) -> np.ndarray:

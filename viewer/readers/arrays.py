@@ -15,6 +15,8 @@ class ArraySource(Source):
     Raises InputError naming the first array whose shape or type does not fit.
     """
 
+    worth_keeping = False
+
     def __init__(self, xyz, rgb, intensity=None, scan=None, classification=None):
         self._xyz = np.asarray(xyz)
         n = len(self._xyz)

@@ -7,7 +7,7 @@ that the file marks as invalid and counts them in the chunk; values that are not
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -79,6 +79,9 @@ class Source:
     count: points in the file by its header, None where it does not state them.  precision: relative resolution of the stored
     coordinates (2**-24 for float32).  metres_per_unit: None where the file does not state it.
     """
+
+    worth_keeping: ClassVar[bool] = True
+    """Whether decoding the points takes longer than keeping them for a second walk."""
 
     path: Path
     format: str

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from pointglass.viewer.commands.info import format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.preprocess import black_border
 from pointglass.viewer.preprocess.black_border import DARK, black_border_share
 
 
@@ -71,3 +72,18 @@ def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     assert "dark.ply" not in "".join(scene.meta.warning_texts)
     plain = open_scene(files, cache=False, match=False)
     assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"
+
+
+def test_neighbours_are_searched_among_few_points_and_are_those_of_all():
+    """Where the surroundings hold too few points, or points too far away, all are searched."""
+    from scipy.spatial import KDTree
+
+    random = np.random.default_rng()
+    xyz, _ = floor(1)
+    apart = np.concatenate([xyz, [[40.0, 40.0, 0.0]]])  # its neighbours lie beyond the cells around it
+    for points, places in ((xyz, xyz[:3] + 0.001), (xyz, xyz[random.integers(len(xyz), size=900)]), (apart, apart[-1:]),
+                           (np.tile(xyz[:1], (200, 1)), xyz[:1])):  # fmt: skip
+        expected, _ = KDTree(points).query(places, 128)
+        distances, near = black_border._neighbours(points, places)
+        np.testing.assert_array_equal(distances, expected)
+        np.testing.assert_array_equal(np.linalg.norm(points[near] - places[:, None], axis=2).round(12), expected.round(12))

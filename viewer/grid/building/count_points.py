@@ -1,20 +1,18 @@
-"""Pass 1 over all sources: how many points lie in which cells, and the walk over chunks that both passes share.
+"""Pass 1 over all sources: how many points lie in which cells.
 
-Frame: file coordinates.  Memory: three chunks (two being worked on, one being read) and the histogram.
+Frame: file coordinates.  Memory: three chunks (two being worked on, one being read), those that are kept, and the histogram.
 """
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from ...common.errors import InputError
-from ...common.progress import progress
-from ...readers.source import Chunk, Source
+from ...readers.source import Chunk
 from .histogram import Histogram, OutOfReach
+from .kept_chunks import KeptChunks
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +55,7 @@ class Observer(Protocol):
         """A chunk of source number ``source``.  first: running number of its first point, over all sources."""
 
 
-def count_cells(sources: Sequence[Source], observers: Sequence[Observer] = (), cell_size: float | None = None) -> CellCounts:
+def count_cells(chunks: KeptChunks, observers: Sequence[Observer] = (), cell_size: float | None = None) -> CellCounts:
     """Counts all points by cell; each observer is given every chunk.  cell_size: to begin with; None: by the first chunk.
 
     Begins again with larger cells where the scan turns out far wider than its beginning.
@@ -66,17 +64,17 @@ def count_cells(sources: Sequence[Source], observers: Sequence[Observer] = (), c
         for observer in observers:
             observer.reset()
         try:
-            return _count(sources, observers, cell_size)
+            return _count(chunks, observers, cell_size)
         except OutOfReach as wider:
             cell_size = wider.cell_size
 
 
-def _count(sources: Sequence[Source], observers: Sequence[Observer], cell_size: float | None) -> CellCounts:
-    expected = sum(source.count or 0 for source in sources)
+def _count(chunks: KeptChunks, observers: Sequence[Observer], cell_size: float | None) -> CellCounts:
+    expected = sum(source.count or 0 for source in chunks.sources)
     invalid, first = 0, 0
     with ExitStack() as opened:
         histogram = None
-        for number, chunk in numbered_chunks(sources, "reading"):
+        for number, chunk in chunks.walk("reading"):
             invalid += chunk.invalid
             if len(chunk.xyz) == 0:
                 continue
@@ -96,26 +94,3 @@ def _count(sources: Sequence[Source], observers: Sequence[Observer], cell_size: 
             (nan, outside, invalid),
         )  # fmt: skip
 
-
-def numbered_chunks(sources: Sequence[Source], label: str) -> Iterator[tuple[int, Chunk]]:
-    """Yields (number of the source, chunk) over all sources and shows progress under ``label``."""
-    counts = [source.count for source in sources]
-    total = sum(c for c in counts if c is not None) if None not in counts else 0
-    with progress(total, label, unit=" points") as meter:
-        for number, source in enumerate(sources):
-            for chunk in _prefetched(source):
-                yield number, chunk
-                meter.update(len(chunk.xyz) + chunk.invalid)
-
-
-def _prefetched(source: Source) -> Iterator[Chunk]:
-    """The source's chunks, each read on a thread while the one before it is worked on."""
-    chunks = source.chunks()
-    with ThreadPoolExecutor(1, "read") as reader:
-        coming = reader.submit(next, chunks, None)
-        try:
-            while (chunk := coming.result()) is not None:
-                coming = reader.submit(next, chunks, None)
-                yield chunk
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror or error}", file=source.path) from None

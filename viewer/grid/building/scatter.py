@@ -6,7 +6,6 @@ on the number of processors.
 """
 
 import itertools
-from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -15,13 +14,13 @@ from ...common.errors import InputError
 from ...preprocess.point_attributes import AttributeLayout
 from ...preprocess.point_colour import Colours
 from ...preprocess.scan_table import ScanTable
-from ...readers.source import Source
 from ..cell_boxes import boxes_of
 from ..records.point_records import PointRecords, ScanStarts
 from . import kernels
 from .cell_layout import Layout
-from .count_points import CellCounts, numbered_chunks
+from .count_points import CellCounts
 from .histogram import dense_table_of, table_of
+from .kept_chunks import KeptChunks
 from .noise_sample import NoiseSample
 
 BLOCK = 1 << 18
@@ -29,10 +28,10 @@ BLOCK = 1 << 18
 processor's last-level cache."""
 
 
-def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable, counts: CellCounts, layout: Layout,
+def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts: CellCounts, layout: Layout,
             points: np.ndarray, records: PointRecords, pool: Executor, processors: int, attributes: AttributeLayout,
             sample: NoiseSample | None = None) -> np.ndarray:  # fmt: skip
-    """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
+    """Walks over the points again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
 
     records: receives the running number of each point, and of the first point of each source.
 
@@ -42,10 +41,10 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
     Raises InputError where a file is no longer as pass 1 read it.
     """
     blocks = _Blocks(counts, layout, points, records, pool, processors)
-    first, of_source, starts = 0, np.zeros(len(sources), np.int64), ScanStarts()
+    first, of_source, starts = 0, np.zeros(len(kept.sources), np.int64), ScanStarts()
     if sample is not None:
         sample.reset()
-    for number, chunk in numbered_chunks(sources, "building the grid"):
+    for number, chunk in kept.walk("building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
         rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
         bits = np.ascontiguousarray(attributes.pack(chunk.classification, chunk.intensity, len(xyz)), np.uint16)
@@ -62,7 +61,7 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
     records.scans = starts.solve(scans, records.first)
     runs, boxes = blocks.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
-        raise InputError("changed while it was read", file=sources[0].path, remedy="try again")
+        raise InputError("changed while it was read", file=kept.sources[0].path, remedy="try again")
     return boxes
 
 

@@ -2,18 +2,21 @@
 
     sources -> pass 1: _count -> FirstPass -> choose_layout -> pass 2: _place -> _Placed -> _scene -> Scene
 
-Frame: file coordinates in, packed cells out.  Memory: three chunks, the histogram, two blocks and, where
-``allocate`` gives memory and not a file, the packed points.  The result does not depend on the number of processors.
+Frame: file coordinates in, packed cells out.  Memory: three chunks, those that are kept
+(viewer.grid.building.kept_chunks), the histogram, two blocks and, where ``allocate`` gives memory and not a file, the packed
+points.  The result does not depend on the number of processors.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from ....model.appearance.noise import NoiseModel
+from ...common.errors import InputError
 from ...preprocess.point_attributes import AttributeCounts, AttributeLayout, common_ends
 from ...preprocess.point_colour import ColourDecision, Colours
 from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDescription, ScanSummary, ScanWarning
@@ -30,6 +33,7 @@ from .count_checks import check_any_valid, degree_warnings, drop_warnings, preci
 from .count_points import CellCounts, count_cells
 from .grid_threads import processors
 from .histogram import power_of_two
+from .kept_chunks import KeptChunks
 from .noise_sample import NoiseSample
 from .scatter import scatter
 from .spacing import measure_spacing
@@ -86,25 +90,25 @@ class _Clock:
 
 def build_grid(
     sources: list[Source], *, colours: Colours | None, allocate: Allocate, known: ScanDescription,
-    stages: dict[str, float] | None = None, noise: bool = True,
+    stages: dict[str, float] | None = None, noise: bool = True, folder: Path | None = None,
 ) -> Scene:
-    """Reads the sources twice and returns the finished scene.
+    """Walks over the points twice and returns the finished scene.
 
     colours: decides on colours over whole files; None takes the chunks' 8-bit colours as they are.
     known: what is known already.  What the passes find out is added: warnings, records, colours (unless ``colours`` is None),
     attributes, dropped points, and scans where none are known.
     stages: if given, receives the seconds each stage took.
     noise: estimate the noise of the colours; otherwise ``Scene.noise`` is None.
+    folder: for a temporary file of what the second pass needs; None: that of the system.
     Raises InputError for damaged files, and where no valid point is found.
     """
     clock = _Clock({} if stages is None else stages)
-    with ThreadPoolExecutor(processors(), "grid") as pool:
-        first = _count(sources, colours)
+    with ThreadPoolExecutor(processors(), "grid") as pool, KeptChunks(sources, folder) as kept:
+        first = _count(kept, colours)
         clock.lap("count")
-        points = allocate("points", (first.counts.count, 3), np.uint32)
-        records = allocated(allocate, first.counts.count, first.counts.running, len(sources))
+        points, records = _room(allocate, first.counts, kept)
         sample = NoiseSample(sources, first.counts) if noise else None
-        placed = _place(sources, colours, first, points, records, pool, sample, clock)
+        placed = _place(kept, colours, first, points, records, pool, sample, clock)
         coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
         clock.lap("faces")
         model = sample.solve() if sample else None
@@ -112,11 +116,23 @@ def build_grid(
     return _scene(sources, first, placed, points, records, known, coverage, model)
 
 
-def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
+def _room(allocate: Allocate, counts: CellCounts, kept: KeptChunks) -> tuple[np.ndarray, PointRecords]:
+    """Arrays for the points and their running numbers."""
+    while True:
+        try:
+            points = allocate("points", (counts.count, 3), np.uint32)
+            return points, allocated(allocate, counts.count, counts.running, len(kept.sources))
+        except (OSError, InputError):  # the kept chunks are in the way: without them, the files are decoded again
+            if not kept.drop_file():
+                raise
+
+
+def _count(kept: KeptChunks, colours: Colours | None) -> FirstPass:
     """Pass 1."""
+    sources = kept.sources
     attributes, stations, clusters = AttributeCounts(), StationInference(sources), ClusterCheck(sources)
     observers = [attributes, *([] if colours is None else [colours, stations]), *([clusters] if len(sources) > 1 else [])]
-    counts = count_cells(sources, observers)
+    counts = count_cells(kept, observers)
     check_any_valid(sources, counts)
     scans, decision = stated_scans(sources), None
     if colours is not None:
@@ -126,7 +142,7 @@ def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
     return FirstPass(counts, scans, attributes.layout(), decision, warnings + clusters.warnings())
 
 
-def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
+def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
            pool: Executor, sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
     """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points`` and
     ``records``."""
@@ -134,7 +150,7 @@ def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass,
     def place(counts: CellCounts, layout: Layout, sample: NoiseSample | None) -> tuple[_Placed, float]:
         """The points in these cells, and the share of coinciding points."""
         clock.lap("cells")
-        boxes = scatter(sources, colours, first.scans, counts, layout, points, records, pool, processors(), first.attributes,
+        boxes = scatter(kept, colours, first.scans, counts, layout, points, records, pool, processors(), first.attributes,
                         sample)  # fmt: skip
         clock.lap("place")
         steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
@@ -153,7 +169,7 @@ def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass,
         smallest = _FINEST_STEPS if coinciding > _COINCIDING else max(found.steps, _FINEST_STEPS)
         size = power_of_two(found.layout.cell_size * smallest / (4 * _LEAST_STEPS))
         if counts.cell_size > size:
-            finer = count_cells(sources, cell_size=size)
+            finer = count_cells(kept, cell_size=size)
             if finer.count != counts.count or finer.cell_size >= found.layout.cell_size:
                 break
             counts = finer

@@ -22,6 +22,7 @@ from ..sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
 from ..scaled_values import scaled
 from ..source import CHUNK, Chunk, Records, ScanInfo, Source, surplus_warning
 from .copc_nodes import CopcNodes, read_nodes
+from .las_conversion import chunk_of_records
 from .las_decoding import decoding
 from .las_records import records_of
 from .laz_chunks import checked_points
@@ -124,8 +125,12 @@ class LasSource(Source):
             if points is None or len(points) == 0:
                 raise self._truncated(done)
             done += len(points)
-            chunk = _chunk(points, names)
-            outside |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
+            if only in ((), _OF_CHUNK):
+                chunk, (lowest, highest) = chunk_of_records(points.array, self._header.scales, self._header.offsets)
+            else:
+                chunk = _chunk(points, names)
+                lowest, highest = chunk.xyz.min(axis=0), chunk.xyz.max(axis=0)
+            outside |= bool((lowest < low).any() or (highest > high).any())
             yield points, chunk
         if outside:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
