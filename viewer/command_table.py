@@ -162,7 +162,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "demo": ("show the shipped scan, in a window or as pictures", _demo_options),
     "render": ("render pictures of a list of cameras", _render_options),
     "video": ("film a camera path as a video, a sequence of pictures or a panorama", _video_options),
-    "export": ("write the measured points, or those inside boxes, as LAZ, LAS, PLY or E57", _export_options),
+    "export": ("write the measured points, or those in boxes, as LAZ, LAS, PLY or E57; or Gaussian splats", _export_options),
     "section": ("draw a plan, an elevation or a section to scale, as PNG or PDF", _section_options),
     "report": ("write viewpoints, notes and measurements of a project as PDF, its notes as BCF or CSV", _report_options),
     "publish": ("write a folder that any browser shows: panoramas to walk through and to measure on", _publish_options),

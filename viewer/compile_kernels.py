@@ -4,7 +4,7 @@
 
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
 with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, draws a plan of it,
-points at it, looks for passers-by, compares two clouds, lays a photograph over a view, renders the scan in every
+points at it, looks for passers-by, compares two clouds, makes splats, lays a photograph over a view, renders the scan in every
 view and with a photograph, and opens it once more from the cache.
 Without it the first scan that is opened waits for the compiler instead.
 """
@@ -35,6 +35,7 @@ def compile_kernels() -> str | None:
             _draw_and_point()
             _find_ghosts_and_show_photograph()
             _compare()
+            _make_splats()
             _render_demo()
         except DeviceError as error:
             return str(error)
@@ -133,6 +134,17 @@ def _compare() -> None:
     facing = facing_of(clouds[0], np.zeros((0, 3)), np.zeros((0, 3)))
     for method in METHODS:
         compare(clouds[0], clouds[1], facing, method=method)
+
+
+def _make_splats() -> None:
+    """Splats of a few points, as ``export`` makes them."""
+    import numpy as np
+
+    from .work.splats.make_splats import splats_of_points
+
+    rng = np.random.default_rng(0)
+    wall = np.c_[rng.uniform(0, 1, (4000, 2)), rng.normal(0, 0.001, 4000)]
+    splats_of_points(wall, np.full((4000, 4), 99, np.uint8), 1000, np.zeros((0, 3)))
 
 
 def _render_demo() -> None:

@@ -1,7 +1,7 @@
 """Checks of the arguments of the Python interface: each returns the value in its final type, or raises InputError."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from difflib import get_close_matches
@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..common.errors import InputError, Option, PointglassError
+from ..picture.camera import Camera
 from ..picture.settings import Settings
 
 PathLike = str | os.PathLike[str]
@@ -121,3 +122,15 @@ def memory_of(gpu_memory: int | None) -> int | None:
     if gpu_memory is not None and not (isinstance(gpu_memory, int) and not isinstance(gpu_memory, bool) and gpu_memory > 0):
         raise InputError("expected a number of bytes, such as 4 << 30, or None", option="gpu_memory", value=gpu_memory)
     return gpu_memory
+
+
+def cameras_of(given: object) -> list[Camera]:
+    """The cameras of a list of them.  Raises InputError naming the first that is none."""
+    wrong = given
+    if isinstance(given, Iterable) and not isinstance(given, (str, bytes, np.ndarray)):
+        cameras = list(given)
+        others = [camera for camera in cameras if not isinstance(camera, Camera)]
+        if not others:
+            return cameras
+        wrong = others[0]
+    raise InputError("expected a pointglass.Camera, as look_at makes one, or a list of them", option="camera", value=wrong)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..commands.exporting.command import export
+from ..commands.exporting.splat_export import budget_of
 from ..common.errors import InputError
 from ..picture.clip import Clip, box_around
 from ..picture.regions import LAST_CLASS
@@ -23,16 +24,20 @@ _log = logging.getLogger(__name__)
 
 
 def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
-                  all_columns: bool, reproject: str | None, classes: Iterable[int] | None = None) -> int:
+                  all_columns: bool, reproject: str | None, classes: Iterable[int] | None = None,
+                  splats: bool = False, budget: int | None = None) -> int:  # fmt: skip
     """See Scan.export."""
     if exposures not in ("as-scanned", "matched"):
         raise InputError("expected as-scanned or matched", option="exposures", value=exposures)
+    if budget is not None:
+        budget = budget_of(str(budget))
     selection = Selection(scene, within=_boxes(clip), hidden=_hidden(scene, stations), classes=_codes(classes))
 
     def note(text: str) -> None:
         _log.warning("%s: %s", path, text)
 
-    return export(selection, path, matched=exposures == "matched", all_columns=all_columns, reproject=reproject, note=note)
+    return export(selection, path, matched=exposures == "matched", all_columns=all_columns, reproject=reproject, splats=splats,
+                  budget=budget, note=note)
 
 
 def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:

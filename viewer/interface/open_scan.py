@@ -15,12 +15,12 @@ import numpy.typing as npt
 
 from ..common.errors import DeviceError, InputError, is_opengl_error
 from ..common.progress import progress
-from ..common.text import counted
 from ..picture.camera import Camera
 from ..picture.provenance import provenance, views_with_mask
 from ..picture.settings import Memory, Settings
 from ..picture.views import ViewName
-from .arguments import PathLike, RenderSettings, memory_of, path_of, python_names, settings_of
+from .arguments import PathLike, RenderSettings, cameras_of, memory_of, path_of, python_names, settings_of
+from .facts_table import facts_table
 from .measured_points import Points
 from .pictures import Frame, Picture, as_picture
 from .scan_photographs import Photograph, photographs_of
@@ -128,7 +128,7 @@ class Scan:
         DeviceError where OpenGL 4.3, the device asked for or its memory is missing, and after a fork.
         """
         scene = self._open
-        cameras = [camera] if isinstance(camera, Camera) else _cameras(camera)
+        cameras = [camera] if isinstance(camera, Camera) else cameras_of(camera)
         chosen = settings_of(view, settings)
         if not cameras:
             return []
@@ -190,8 +190,10 @@ class Scan:
         self, path: PathLike, *, clip: npt.ArrayLike | None = None, stations: Iterable[int] | None = None,
         classes: Iterable[int] | None = None,
         exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False, reproject: str | None = None,
+        splats: bool = False, budget: int | None = None,
     ) -> int:  # fmt: skip
         """Writes measured points as a LAS, LAZ, PLY or E57 file, by its ending; returns how many.  ``pointglass export`` too.
+        Names that end in .glb, .spz or splats.ply get Gaussian splats made from the points, with compensated exposures.
 
         The scan's files are read again and whole records are copied: every attribute, and the colours of the file.  What the
         format cannot hold is reported in one line to ``logging``, as a warning.  An existing file is replaced, in one step.
@@ -200,12 +202,14 @@ class Scan:
         exposures: matched writes the colours as they are drawn.  all_columns: PLY: also columns besides coordinates, colour,
         intensity, scan and class.
         reproject: an EPSG code, "EPSG:25832", into whose coordinates the points are transformed; "auto": the UTM zone.
+        splats: PLY: splats whatever the name.  budget: splats at most; None: two million.
         Raises InputError naming the argument; then nothing is left behind.
         """
         from .export_points import export_points
 
         with python_names():
-            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject, classes)
+            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject, classes,
+                                 splats, budget)
 
     def fit(self, position: npt.ArrayLike, kind: Literal["plane", "pipe", "circle"] = "plane") -> Fit:
         """The surface of a kind at a place on the scan, from all of it that is measured, with its uncertainty at 95 %.
@@ -245,15 +249,7 @@ class Scan:
         """A table for notebooks."""
         if self._scene is None:
             return f"<p>{html.escape(repr(self))}</p>"
-        scene, meta = self._scene, self._scene.meta
-        extent = " × ".join(f"{side:.6g}" for side in np.ptp(scene.bounds, axis=0))
-        rows = [
-            ("scan", self._name), ("points", f"{scene.count:,}"), ("extent", extent), ("spacing", f"{scene.spacing:.3g}"),
-            ("unit", meta.units), ("CRS", meta.crs or "unknown"),
-            ("stations", counted(len(scene.station_places), "station") if len(scene.station_places) else "not told apart"),
-        ]  # fmt: skip
-        cells = "".join(f"<tr><th>{name}</th><td>{html.escape(str(value))}</td></tr>" for name, value in rows)
-        return f"<table>{cells}</table>"
+        return facts_table(self._name, self._scene)
 
     @property
     def _open(self) -> Scene:
@@ -299,17 +295,6 @@ def open(
         scene = open_scene(files, cache=cache, match=exposures == "matched", columns=columns)
     name = files[0].name + (f" and {len(files) - 1} more" if len(files) > 1 else "")
     return Scan(scene, name, memory)
-
-
-def _cameras(given: object) -> list[Camera]:
-    wrong = given
-    if isinstance(given, Iterable) and not isinstance(given, (str, bytes, np.ndarray)):
-        cameras = list(given)
-        others = [camera for camera in cameras if not isinstance(camera, Camera)]
-        if not others:
-            return cameras
-        wrong = others[0]
-    raise InputError("expected a pointglass.Camera, as look_at makes one, or a list of them", option="camera", value=wrong)
 
 
 @cache

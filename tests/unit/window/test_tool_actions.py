@@ -369,7 +369,9 @@ def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):
 
 
 def test_the_window_exports_to_every_kind_of_file_that_export_writes():
+    from pointglass.viewer.commands.exporting.splat_export import SPLATS
     from pointglass.viewer.commands.exporting.targets import TARGETS
     from pointglass.viewer.window.saving.points_export import KINDS
 
-    assert {ending for endings in KINDS.values() for ending in endings} == set(TARGETS)
+    splats = {"." + end.lstrip(".") for end in SPLATS}
+    assert {ending for endings in KINDS.values() for ending in endings} == {*TARGETS, *splats}

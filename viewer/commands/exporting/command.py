@@ -1,7 +1,7 @@
-"""``pointglass export``: measured points only; never a filled pixel or a colour that the network made.
+"""``pointglass export``: measured points, or splats of them; never a filled pixel or a colour that the network made.
 
-The files are read again and whole records are copied.  A project is exported as it is seen: without hidden scans and stations,
-and only what its clips leave.
+The files are read again and whole records are copied; splats are made from the grid.  A project is exported as it is seen:
+without hidden scans and stations, and only what its clips leave.
 """
 
 import argparse
@@ -16,12 +16,14 @@ from ....model.common.files.atomic_write import passes_through, write_atomic
 from ...common.errors import InputError
 from ...common.text import bytes_text, counted
 from ...grid.records.point_marks import check_sets, unknown_sets
+from ...picture.edits import UP_AXES, Vector
 from ...preprocess.scan_description import OF_SEVERAL
 from ...readers.grid_folder import is_grid
 from ...work.selection import Selection, classes_of, clips_of, region_named
 from ..open_project import opened
 from .losses import Losses
 from .reproject import target_of
+from .splat_export import BUDGET, NAME, SPLATS, SplatTarget, budget_of, splat_bytes, splat_target, write_splats
 from .targets import TARGETS, bytes_needed, check_ending, write
 
 _FOLDER_FILES = ("cloud.js", "ept.json", "metadata.json")
@@ -35,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="F",
-        help=f"the file to write; its ending decides the format: {', '.join(TARGETS)}",
+        help=f"the file to write; its ending decides the format: {', '.join(TARGETS)}; as Gaussian splats: {', '.join(SPLATS)}",
     )
     parser.add_argument(
         "--clip",
@@ -61,28 +63,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="PLY: also write columns besides coordinates, colour, intensity, scan and class, and 16-bit colours",
     )
+    parser.add_argument("--splats", action="store_true", help=f"PLY: Gaussian splats, whether the name ends in {NAME} or not")
+    parser.add_argument(
+        "--budget",
+        metavar="N",
+        help="splats at most, such as 0.5M, 2M or 8M (default 2M): more where colours change and near scanners",
+    )
 
 
 def export(
     selection: Selection, out: Path, *, columns: str | None = None, matched: bool = False, all_columns: bool = False,
-    reproject: str | None = None, note: Callable[[str], None] | None = None,
+    reproject: str | None = None, splats: bool = False, budget: int | None = None, up: Vector = UP_AXES["z"],
+    note: Callable[[str], None] | None = None,
 ) -> int:  # fmt: skip
-    """Writes the records of a selection; returns how many.
+    """Writes the records of a selection, or splats of its points; returns how many.
 
     columns: what the columns of text files are, as for viewer.grid.open_scene.  matched: colours with compensated exposures, as
     the scene shows them, instead of the files'.  all_columns: PLY only, see ply_writer.  reproject: an EPSG code
-    or "auto", the UTM zone (see reproject); None: coordinates as they are.  note: called with one line about what
+    or "auto", the UTM zone (see reproject); None: coordinates as they are.  splats: PLY only, see splat_export.  budget: splats
+    at most; None: BUDGET.  up: direction that is up, in file coordinates, for splats.  note: called with one line about what
     the file cannot hold, where there is such.
     Raises InputError; then nothing is left behind.
     """
-    check_ending(out)
+    drawn = _splat_target(out, splats, budget is not None, all_columns or reproject is not None)
     target = None if reproject is None else target_of(reproject)
     if out.is_dir() or passes_through(out):
         raise InputError("is not a file that can be replaced", option="--out", value=out, remedy="choose another name")
     if not out.parent.is_dir():
         raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
     _check_not_source(selection, out)
-    free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, selection)
+    free, needed = shutil.disk_usage(out.parent).free, (
+        bytes_needed(out, selection) if drawn is None else splat_bytes(drawn, selection, budget or BUDGET))
     if free < needed:
         raise InputError(f"needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}", option="--out", value=out,
                          remedy="make room")
@@ -91,6 +102,9 @@ def export(
         losses.add(str(warning))
 
     def fill(path: Path) -> None:
+        if drawn is not None:
+            written[0] = write_splats(path, drawn, selection, budget or BUDGET, up, losses)
+            return
         written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)
 
     sources = [path for path in map(Path, selection.scene.meta.sources) if path.exists()]
@@ -102,6 +116,19 @@ def export(
     if losses and note is not None:
         note(losses.text)
     return written[0]
+
+
+def _splat_target(out: Path, splats: bool, budgeted: bool, of_points: bool) -> SplatTarget | None:
+    """The format of splats, None for points.  Raises InputError where the name or an option does not suit it."""
+    if (found := splat_target(out, splats)) is None:
+        check_ending(out, tuple(SPLATS))
+        if splats or budgeted:
+            raise InputError(f"splats are written as {', '.join(SPLATS)}", option="--out", value=out,
+                             remedy="choose such a name, or leave out --splats and --budget")
+    elif of_points:
+        raise InputError("splats are neither reprojected nor have they further columns", option="--out", value=out,
+                         remedy="export points with these options, and splats from that file")
+    return found
 
 
 def _check_not_source(selection: Selection, out: Path) -> None:
@@ -119,13 +146,14 @@ def _check_not_source(selection: Selection, out: Path) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    check_ending(options.out)
+    budget = None if options.budget is None else budget_of(options.budget)
+    drawn = _splat_target(options.out, options.splats, budget is not None, options.all_columns or options.reproject is not None)
     if options.reproject is not None:
         target_of(options.reproject)
     boxes, classes = clips_of(options.clip), classes_of(options.classes)
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
-    scene, document = opened(options, match=matched or not options.no_cache, writes=True)
+    scene, document = opened(options, match=matched or drawn is not None or not options.no_cache, writes=True)
     region = None if options.region is None else region_named(document.regions, options.region)
     if region is not None:
         document = replace(document, regions=tuple(each for each in document.regions if each is not region))
@@ -144,7 +172,10 @@ def run(options: argparse.Namespace) -> int:
         matched=matched,
         all_columns=options.all_columns,
         reproject=options.reproject,
+        splats=options.splats,
+        budget=budget,
+        up=document.up,
         note=note,
     )
-    print(f"{counted(count, 'point')} in {options.out}")
+    print(f"{counted(count, 'point' if drawn is None else 'splat')} in {options.out}")
     return 0

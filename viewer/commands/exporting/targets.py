@@ -27,10 +27,10 @@ from .whole_file import can_copy as can_copy_file
 from .whole_file import copy_file
 
 
-def check_ending(path: Path) -> None:
-    """Raises InputError unless the name's ending is known."""
+def check_ending(path: Path, also: Sequence[str] = ()) -> None:
+    """Raises InputError unless the name's ending is known.  also: further endings, for the message."""
     if path.suffix.lower() not in TARGETS:
-        raise InputError(f"expected a name ending in {', '.join(TARGETS)}", option="--out", value=path)
+        raise InputError(f"expected a name ending in {', '.join([*TARGETS, *also])}", option="--out", value=path)
 
 
 def bytes_needed(path: Path, selection: Selection) -> int:

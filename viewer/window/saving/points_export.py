@@ -1,4 +1,5 @@
-"""Exports the points in sight from the window: of no hidden file or station, and what the clips leave, as whole records.
+"""Exports the points in sight from the window: of no hidden file or station, and what the clips leave, as whole records or as
+Gaussian splats.
 
 The files are read again beside the window, as ``pointglass export`` does (viewer.commands.exporting); what the target cannot
 hold is said when the file is there.
@@ -8,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...commands.exporting.command import export
+from ...commands.exporting.splat_export import splat_target
 from ...common.text import counted
 from ...grid.records.point_marks import check_sets
 from ...picture.point_sets import PointSet
@@ -17,7 +19,10 @@ from ..kit.worker import Worker
 from ..session.session import Session
 from .capture import name_kept
 
-KINDS = {"LAZ, compressed LAS": (".laz",), "LAS": (".las",), "E57": (".e57",), "PLY": (".ply",)}
+KINDS = {
+    "LAZ, compressed LAS": (".laz",), "LAS": (".las",), "E57": (".e57",), "PLY": (".ply",), "Gaussian splats, glTF": (".glb",),
+    "Gaussian splats, SPZ": (".spz",), "Gaussian splats, PLY": (".splats.ply",),
+}  # fmt: skip
 """Kinds of file that the dialog offers; a test compares their endings with those that ``export`` writes."""
 _LAST_WAIT = 20.0
 """Seconds that a closing window waits until a given-up export has removed what it was writing."""
@@ -72,7 +77,7 @@ class PointsExport:
         def work() -> int:
             check_sets(scene, edits)
             with name_kept(out):
-                return export(Selection.in_sight(scene, edits, only=only), out, note=self._losses.append)
+                return export(Selection.in_sight(scene, edits, only=only), out, up=edits.up, note=self._losses.append)
 
         self.worker = Worker(work, f"Exporting {out.name}", session.loads.wake)
 
@@ -87,7 +92,7 @@ class PointsExport:
         elif done.result is None or out is None:
             notices.toast("The export was given up; nothing was saved")
         else:
-            notices.tell_saved(out, f"Exported {counted(done.result, 'point')} to {out}")
+            notices.tell_saved(out, f"Exported {counted(done.result, 'splat' if splat_target(out) else 'point')} to {out}")
             if self._losses:
                 notices.say(f"{out.name} does not hold everything", "; ".join(self._losses))
 

@@ -1,0 +1,188 @@
+"""Splats by the command line, read by other libraries: of the points in sight, with the way back to the scan's coordinates."""
+
+import gzip
+import json
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pointglass.viewer.commands.exporting.command import export
+from pointglass.viewer.commands.exporting.formats.splat_spz import fraction_bits, packed_quaternions
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.picture.edits import NO_EDITS
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.selection import Selection, clips_of
+from pointglass.viewer.work.splats.splat_cloud import SH0, matrices_of
+
+FILES = ("room.glb", "room.spz", "splats.ply")
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    """A floor at map coordinates, z up, red where x is large, and green elsewhere: a LAS file with metres."""
+    import laspy
+    import pyproj
+
+    rng = np.random.default_rng(5)
+    file = tmp_path_factory.mktemp("splats") / "floor.las"
+    las = laspy.LasData(laspy.LasHeader(point_format=2))
+    las.header.offsets, las.header.scales = [500_000, 5_000_000, 0], [0.001] * 3
+    las.header.add_crs(pyproj.CRS.from_epsg(25832))
+    las.x, las.y = rng.random((2, 20_000)) * [[8], [4]] + [[500_000], [5_000_000]]
+    las.z = 30 + rng.normal(0, 0.001, 20_000)
+    red = las.x > 500_004
+    las.red, las.green, las.blue = np.where(red, 60_000, 10_000), np.where(red, 10_000, 50_000), np.full(20_000, 20_000)
+    las.write(file)
+    return file
+
+
+def run(*arguments):
+    command = [sys.executable, "-m", "pointglass.viewer", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600)
+
+
+def read(file):
+    """xyz in the scan's coordinates where the file leads there, else in its own; normals there; rgb 0..1; opacity; standard
+    deviations; points; by a library that is not ours."""
+    if file.suffix == ".glb":
+        pygltflib = pytest.importorskip("pygltflib")
+        glb = pygltflib.GLTF2().load(str(file))
+        primitive = glb.meshes[0].primitives[0]
+        named = vars(primitive.attributes)
+        assert primitive.mode == pygltflib.POINTS and glb.extensionsUsed == ["KHR_gaussian_splatting"]
+        assert primitive.extensions["KHR_gaussian_splatting"]["colorSpace"] == "srgb_rec709_display"
+        blob, found = glb.binary_blob(), {}
+        for name, number in named.items():
+            if number is None:
+                continue
+            accessor = glb.accessors[number]
+            view = glb.bufferViews[accessor.bufferView]
+            width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor.type]
+            kind = {pygltflib.FLOAT: np.float32, pygltflib.UNSIGNED_BYTE: np.uint8}[accessor.componentType]
+            found[name] = np.frombuffer(blob, kind, accessor.count * width, view.byteOffset).reshape(-1, width)
+        place, prefix = np.array(glb.asset.extras["to_scan"]), "KHR_gaussian_splatting:"
+        assert np.allclose(glb.accessors[named["POSITION"]].min, found["POSITION"].min(axis=0))
+        own, turns = found["POSITION"].astype(float), matrices_of(found[prefix + "ROTATION"][:, [3, 0, 1, 2]])
+        rgb = 0.5 + SH0 * found[prefix + "SH_DEGREE_0_COEF_0"]
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        assert np.abs(found["COLOR_0"][:, :3] / 255 - linear).max() < 0.003  # glTF's vertex colours are linear
+        return (own, place, turns, rgb, found[prefix + "OPACITY"][:, 0], found[prefix + "SCALE"], found["_POINTS"][:, 0])
+    gsply = pytest.importorskip("gsply")
+    place, points = None, None
+    data = gsply.read_spz(file) if file.suffix == ".spz" else gsply.plyread(file)
+    if file.suffix == ".ply":
+        from plyfile import PlyData
+
+        ply = PlyData.read(file)
+        place = np.array(next(c for c in ply.comments if c.startswith("frame ")).split()[1:], float).reshape(3, 4)
+        points = ply["provenance"]["points"]
+        assert ply["vertex"].data.dtype.itemsize == 17 * 4
+    return (np.asarray(data.means, float), place, matrices_of(data.quats), 0.5 + SH0 * np.asarray(data.sh0),
+            1 / (1 + np.exp(-np.asarray(data.opacities, float))), np.exp(np.asarray(data.scales, float)), points)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_is_read_by_other_libraries_and_lies_on_the_scan(tmp_path, scan, name):
+    out = tmp_path / name
+    done = run("export", scan, "--out", out, "--budget", "5k")
+    assert done.returncode == 0, done.stderr
+    own, place, turns, rgb, opacity, scale, points = read(out)
+    assert 2500 < len(own) <= 5000 and done.stdout == f"{len(own):,} splats in {out}\n"
+    up = turns[:, :, 2] @ (np.array([0, -1.0, 0]) if name == "splats.ply" else np.array([0, 1.0, 0]))
+    assert np.quantile(np.abs(up), 0.1) > 0.95  # the floor is level in the frame that viewers expect
+    if place is not None:
+        assert points.sum() == 20_000
+        xyz = own @ place[:, :3].T + place[:, 3]
+        assert (xyz.min(axis=0) >= [499_999.99, 4_999_999.99, 29.98]).all()
+        assert (xyz.max(axis=0) <= [500_008, 5_000_004, 30.02]).all()
+        across = turns.transpose(0, 2, 1) @ place[:, :3].T
+        assert np.quantile(np.abs(across[:, 2, 2]), 0.1) > 0.95
+        red = xyz[:, 0] > 500_004
+    else:
+        red = own[:, 0] > 0
+        assert "has no place for the origin 500004, 5e+06, 30" in done.stderr
+    clear = np.abs(own[:, 0]) > 0.2
+    assert np.abs(rgb[red & clear].mean(axis=0) * 255 - [234, 39, 78]).max() < 6
+    assert np.abs(rgb[~red & clear].mean(axis=0) * 255 - [39, 195, 78]).max() < 6
+    assert opacity.min() > 0.5 and opacity.max() < 1
+    assert scale.max() < 0.5 and np.median(scale[:, 2] / scale[:, 0]) < 0.3
+
+
+def test_a_project_s_splats_are_of_what_is_in_sight_and_nothing_is_left_of_a_failure(tmp_path, scan):
+    pytest.importorskip("gsply")
+    document = Document(clips=clips_of(["500000,5000000,0,500003,5000004,99"]), scans=(ScanFile(str(scan)),))
+    write_project(tmp_path / "part.pointglass", document)
+    out = tmp_path / "part.ply"
+    done = run("export", tmp_path / "part.pointglass", "--out", out, "--splats", "--budget", "1k")
+    assert done.returncode == 0, done.stderr
+    own, place, _, rgb, *_, points = read(out)
+    x = (own @ place[:, :3].T + place[:, 3])[:, 0]
+    assert x.max() <= 500_003.01 and (rgb[:, 1] > rgb[:, 0]).all() and 6000 < points.sum() < 9000
+    before = sorted(tmp_path.iterdir())
+    for arguments, said in (
+        (("--out", tmp_path / "a.glb", "--budget", "lots"), "--budget 'lots': expected a number of splats"),
+        (("--out", tmp_path / "a.laz", "--budget", "1M"), "splats are written as .glb, .spz, splats.ply"),
+        (("--out", tmp_path / "a.glb", "--reproject", "auto"), "splats are neither reprojected"),
+        (("--out", tmp_path / "a.spz", "--clip", "0,0,0,1,1,1"), "leave no point"),
+    ):
+        failed = run("export", scan, *arguments)
+        assert failed.returncode == 2 and said in failed.stderr and len(failed.stderr.strip().splitlines()) == 1, failed.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_units_are_metres_and_up_is_the_document_s(tmp_path, scan):
+    pytest.importorskip("pygltflib")
+    from dataclasses import replace
+
+    scene = open_scene(scan, cache=False)
+    feet = replace(scene, meta=replace(scene.meta, units="feet", metres_per_unit=0.3048))
+    export(Selection.in_sight(feet, NO_EDITS), tmp_path / "a.glb", budget=2000, up=(1.0, 0.0, 0.0))
+    own, place, *_ = read(tmp_path / "a.glb")
+    assert np.allclose(np.linalg.norm(place[:, 0]), 1 / 0.3048) and np.isclose(np.linalg.det(place[:, :3]), 0.3048**-3)
+    xyz = own @ place[:, :3].T + place[:, 3]
+    assert abs(np.median(xyz[:, 2]) - 30) < 0.01 and np.allclose(np.ptp(own[:, 1]), np.ptp(xyz[:, 0]) * 0.3048)
+
+
+def test_degrees_are_refused_with_the_remedy(tmp_path):
+    from dataclasses import replace
+
+    scene = scene_from_arrays(np.random.default_rng(0).random((500, 3)), np.full((500, 3), 99, np.uint8))
+    degrees = replace(scene, meta=replace(scene.meta, units="degree"))
+    with pytest.raises(InputError, match=r"these are degrees.*--reproject auto"):
+        export(Selection.in_sight(degrees, NO_EDITS), tmp_path / "a.glb")
+    assert not list(tmp_path.iterdir())
+
+
+def test_quaternions_of_spz_come_back_and_coordinates_have_the_bits_that_fit(tmp_path, seed):
+    gsply = pytest.importorskip("gsply")
+    rng = np.random.default_rng(seed)
+    q = rng.normal(size=(500, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    count = len(q)
+    head = struct.pack("<IIIBBBB", 0x5053474E, 3, count, 0, 12, 0, 0)
+    body = bytes(9 * count) + bytes([128]) * count + bytes(3 * count) + bytes(3 * count) + packed_quaternions(q).tobytes()
+    (tmp_path / "a.spz").write_bytes(gzip.compress(head + body))
+    back = np.asarray(gsply.read_spz(tmp_path / "a.spz").quats, float)
+    assert np.abs(np.abs((back * q).sum(axis=1)) - 1).max() < 1e-5
+    for reach in rng.uniform(0.1, 8e6, 50):
+        bits = fraction_bits(reach)
+        assert reach * 2**bits < 2**23 and (bits == 20 or (reach + 1) * 2 ** (bits + 1) >= 2**23)
+    with pytest.raises(InputError, match="SPZ holds 8,388,608"):
+        fraction_bits(1e7)
+
+
+def test_a_glb_begins_as_the_format_says(tmp_path):
+    scene = scene_from_arrays(np.random.default_rng(0).random((900, 3)), np.full((900, 3), 99, np.uint8))
+    export(Selection.in_sight(scene, NO_EDITS), tmp_path / "a.glb")
+    data = (tmp_path / "a.glb").read_bytes()
+    magic, version, total, length, kind = struct.unpack("<4sIII4s", data[:20])
+    assert (magic, version, total, kind) == (b"glTF", 2, len(data), b"JSON") and length % 4 == 0
+    document = json.loads(data[20 : 20 + length])
+    assert all(view["byteOffset"] % 4 == 0 for view in document["bufferViews"])
+    assert struct.unpack("<I4s", data[20 + length : 28 + length]) == (document["buffers"][0]["byteLength"], b"BIN\0")
+    assert len(data) == 28 + length + document["buffers"][0]["byteLength"]
