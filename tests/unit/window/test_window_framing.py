@@ -8,6 +8,7 @@ from window_session import room
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
+from pointglass.viewer.window.flight.cube_regions import BORDER, region_at, view_of
 from pointglass.viewer.window.flight.flight import Flight
 from pointglass.viewer.window.flight.framing import SIDES
 from pointglass.viewer.window.flight.start_viewpoint import darkness, start_camera, start_state, survey
@@ -106,3 +107,41 @@ def test_a_speed_is_shown_in_the_unit_that_lengths_are_shown_in(metres, text):
     flight = Flight(lambda: 0.0)
     flight.state = replace(flight.state, speed=30.0)
     assert flight.speed_text(metres) == text
+
+
+def test_a_click_on_the_view_cube_turns_to_what_it_hits_about_the_middle_of_the_picture(seed):
+    """The region of a place of the cube's picture against a march along its ray; and where the camera ends."""
+    rng = np.random.default_rng(seed)
+    now = [0.0]
+    for number in range(12):
+        flight = Flight(lambda: now[0])
+        state = replace(flight.state, position=rng.normal(size=3), yaw=rng.uniform(-3, 3), pitch=rng.uniform(-1.5, 1.5),
+                        upright=upright_axes((0.0, 0.0, 1.0) if number % 2 else (0.0, 1.0, 0.0)))
+        flight.state = state
+        if number % 3 == 0:
+            flight.orthographic = 4.0
+        to_view = (state.upright.T @ state.camera_to_world[:3, :3]).T
+        for x, y in rng.uniform(-1.8, 1.8, (40, 2)):
+            ray = to_view.T @ np.array([np.full(4001, x), np.full(4001, y), np.linspace(2, -2, 4001)])
+            inside = np.flatnonzero(np.abs(ray).max(axis=0) <= 1)
+            found = region_at(to_view, x, y)
+            if found is None:
+                assert len(inside) < 6, "past the cube, or a corner of it"
+            elif len(inside) > 6:
+                hit = ray[:, inside[0]]
+                sure = np.abs(np.abs(hit) - BORDER) > 2e-3
+                assert ((np.sign(hit) * (np.abs(hit) > BORDER))[sure] == np.array(found)[sure]).all()
+        region = found or (0, 0, 1)
+        camera = flight.camera((300, 200))
+        pivot = camera.unproject([(150, 100)], 3.0)[0]
+        flight.turn_about(pivot, *view_of(region, state.yaw))
+        for _ in range(3):
+            now[0] += 0.1
+            flight.advance()
+            assert flight.gliding
+            pixels, depth = flight.camera((300, 200)).project([pivot])
+            assert np.allclose(pixels, (150, 100)) and np.isclose(depth[0], 3.0)
+        now[0] += 1.0
+        flight.advance()
+        ahead, wanted = state.upright.T @ flight.state.forward, -np.array(region) / np.linalg.norm(region)
+        assert not flight.gliding and ahead @ wanted > (1 - 1e-9 if flight.orthographic else np.cos(np.radians(1.01)))

@@ -1,7 +1,9 @@
-"""Perspective or orthographic: changing between them so that what is in the middle of the picture keeps its size."""
+"""Perspective or orthographic: changing between them so that what is in the middle of the picture keeps its size; and turns
+of the view cube."""
 
 from typing import TYPE_CHECKING
 
+from ..flight.cube_regions import Region, view_of
 from ..kit.notices import ToastSubject
 from .around_point import measured_under
 
@@ -35,3 +37,12 @@ def depth_of_middle(context: "ToolContext") -> float:
     depths = [float((place - camera.position) @ camera.forward) for place in (point, middle) if place is not None]
     found = next((depth for depth in depths if depth > 0), None)
     return found if found is not None else max(abs(depths[-1]), camera.orthographic or context.session.flight.state.speed)
+
+
+def turn_to(context: "ToolContext", region: Region) -> None:
+    """Turns about what is in the middle of the picture until the camera sees a region of the view cube from outside."""
+    flight, camera = context.session.flight, context.camera
+    if context.scene is not None:
+        depth = depth_of_middle(context)
+        pivot = camera.unproject([(camera.cx, camera.cy)], depth)[0]
+        flight.turn_about(pivot, *view_of(region, flight.state.yaw))

@@ -53,10 +53,12 @@ class Layout:
 
 @dataclass
 class Panels:
-    """Which panels are open.  Below NARROW they fold; above it those that were open before open again."""
+    """Which panels are open.  Below NARROW they fold; above it those that were open before open again.  cube: whether the view
+    cube is shown."""
 
     outliner: bool = True
     inspector: bool = True
+    cube: bool = True
 
     def __post_init__(self) -> None:
         self._narrow = False

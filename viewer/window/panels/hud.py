@@ -132,7 +132,7 @@ def draw_handle(session: Session, style: Theme, *, hovered: bool) -> None:
 
 
 def draw_scale_bar(session: Session, style: Theme) -> None:
-    """Bottom left of the picture, where it is orthographic: a round length in the scene's unit."""
+    """Bottom right of the picture, where it is orthographic: a round length in the scene's unit."""
     height, area, px = session.flight.height, session.area.layout.uncovered, style.px
     if height is None or session.scene is None:
         return
@@ -140,7 +140,7 @@ def draw_scale_bar(session: Session, style: Theme) -> None:
     length = round_length(unit * px(_SCALE_BAR))
     wide, label = length / unit, length_text(length, session.facts.metres_per_unit)
     text = imgui.calc_text_size(label)
-    left, bottom = area.left + px(MARGIN), area.top + area.height - px(MARGIN)
+    left, bottom = area.right - px(MARGIN + 20) - max(wide, text.x), area.top + area.height - px(MARGIN)
     top = bottom - text.y - px(20)
     draw = imgui.get_background_draw_list()
     draw.add_rect_filled(ImVec2(left, top), ImVec2(left + max(wide, text.x) + px(20), bottom), packed(theme.PANEL, 0.92), px(5))

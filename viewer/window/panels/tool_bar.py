@@ -65,7 +65,7 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
     said = "Perspective" if parallel else "Orthographic: parallel rays, one scale, a scale bar"
     if icon_button(f"{icons.ORTHOGRAPHIC}##orthographic", f"{said} (X)", style, side=side, lit=parallel):
         actions.do("orthographic")
-    _sides(actions, style)
+    _sides(session, actions, style)
     _end()
 
 
@@ -117,7 +117,7 @@ def _column(number: int, columns: int) -> None:
         imgui.same_line()
 
 
-def _sides(actions: Actions, style: Theme) -> None:
+def _sides(session: Session, actions: Actions, style: Theme) -> None:
     """The list of sides beside their icon."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(style.px(8), style.px(8)))
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(style.px(8), style.px(6)))
@@ -126,5 +126,8 @@ def _sides(actions: Actions, style: Theme) -> None:
             if imgui.selectable(row.label, False, 0, ImVec2(style.px(64), 0))[0]:
                 actions.do(f"from_{side}")
             hint(row.what, style)
+        if imgui.selectable("View cube", session.area.panels.cube, 0, ImVec2(style.px(64), 0))[0]:
+            actions.show_cube(not session.area.panels.cube)
+        hint("Show or hide the cube at the top right of the picture: a click turns the view", style)
         imgui.end_popup()
     imgui.pop_style_var(2)

@@ -43,6 +43,13 @@ class Actions(Protocol):
     def keep_up(self, on: bool) -> None:
         """Whether moving pictures leave something out to hold a frame rate."""
 
+    def turn_to(self, region: tuple[int, int, int]) -> None:
+        """Turns the camera about what is in the middle of the picture until it sees this region of the view cube
+        (viewer.window.flight.cube_regions) from outside."""
+
+    def show_cube(self, on: bool) -> None:
+        """Shows or hides the view cube."""
+
     def show_points_of(self, part: FilePart, on: bool) -> None:
         """Shows or hides the points of one file, as a step that can be undone."""
 

@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 class Preferences:
     """width, height: of the window, logical pixels.  outliner, inspector: whether the panels are open.  background: a key of
     BACKGROUNDS.  shot_scale: times the window's size that F12 saves.  quality, detail: as in Settings.
-    mouse: a key of viewer.window.flight.mouse.PRESETS."""
+    mouse: a key of viewer.window.flight.mouse.PRESETS.  cube: whether the view cube is shown."""
 
     width: int = 1280
     height: int = 720
@@ -45,6 +45,7 @@ class Preferences:
     quality: str = DEFAULT
     detail: float = 1.0
     mouse: str = DEFAULT_MOUSE
+    cube: bool = True
 
     def __post_init__(self) -> None:
         good = (min(self.width, self.height) >= SMALLEST and max(self.width, self.height) <= LARGEST_SIDE
@@ -88,7 +89,7 @@ def preferences_of(session: "Session") -> Preferences | None:
     try:
         return Preferences(round(width / density), round(height / density), panels.outliner, panels.inspector,
                            chosen.background, session.work.shot_scale, chosen.shown_settings.quality,
-                           float(chosen.shown_settings.detail), session.flight.mouse)
+                           float(chosen.shown_settings.detail), session.flight.mouse, panels.cube)
     except InputError:
         return None
 
@@ -96,5 +97,6 @@ def preferences_of(session: "Session") -> Preferences | None:
 def take_preferences(session: "Session", kept: Preferences) -> None:
     """Puts into a new session what is not part of its settings or its window's size."""
     session.area.panels.outliner, session.area.panels.inspector = kept.outliner, kept.inspector
+    session.area.panels.cube = kept.cube
     session.view_settings.background = kept.background
     session.work.shot_scale, session.flight.mouse = kept.shot_scale, kept.mouse

@@ -15,7 +15,7 @@ from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
-from ..interaction.projection_switch import change_projection
+from ..interaction.projection_switch import change_projection, turn_to
 from ..interaction.tool import KeyEvent, ToolContext
 from ..interaction.toolbox import Toolbox
 from ..kit.notices import Offer
@@ -115,6 +115,12 @@ class WindowActions:
 
     def keep_up(self, on: bool) -> None:
         self._session.picture.adaptive_lod.keep_up, self._session.picture.dirty = on, True
+
+    def turn_to(self, region: tuple[int, int, int]) -> None:
+        turn_to(self._host.tools, region)
+
+    def show_cube(self, on: bool) -> None:
+        self._session.area.panels.cube = on
 
     def show_points_of(self, part: FilePart, on: bool) -> None:
         hidden = set(self._session.document.hidden_stations)

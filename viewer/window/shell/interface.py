@@ -8,6 +8,7 @@ from ..panels.inspector import draw_inspector
 from ..panels.outliner import draw_outliner
 from ..panels.status_bar import draw_status_bar
 from ..panels.tool_bar import draw_corner, draw_tool_bar
+from ..panels.view_cube import draw_view_cube
 from ..panels.view_switch import draw_view_switch
 from .list_keys import keys_in_lists
 
@@ -83,6 +84,7 @@ def _draw(app: Host, *, shown: bool) -> None:
         if not session.help:  # which covers the middle of the picture
             draw_tool_bar(session, app.toolbox, app.actions, look)
             draw_corner(session, app.actions, look)
+            draw_view_cube(session, app.actions, look)
             draw_view_switch(session, app.actions, look)
             hud.draw_profiler(session, look, fps=app.viewport.frame_rate)
             hud.draw_recording(session, look)

@@ -26,7 +26,8 @@ def length_text(length: float, metres_per_unit: float | None) -> str:
     unit = unit_name(metres_per_unit)
     if unit.startswith("x "):
         length, unit = length * (metres_per_unit or 1.0), "m"
-    return f"{np.format_float_positional(length, 3, unique=False, fractional=False, trim='-')} {unit}"
+    text = np.format_float_positional(length, 3, unique=False, fractional=False, trim="-")
+    return f"{text} {'unit' if (text, unit) == ('1', 'units') else unit}"
 
 
 def unit_text(power: int | None, unit: str) -> str:
