@@ -102,6 +102,18 @@ def _e57_photographs(path: Path) -> None:
     write_photos(path, [pinhole((0, 0, 0), 0.3, size=(32, 24)), panorama((0, 0, 0), 0.2, 64)], *room_points(POINTS))
 
 
+def _splats(path: Path) -> None:
+    """Gaussian splats with the comments and the element behind them that export writes."""
+    rows = np.linspace(-2, 2, POINTS * 17, dtype="<f4").reshape(POINTS, 17)
+    rows[:, :3] = surface(POINTS)[0]
+    names = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+             "rot_0", "rot_1", "rot_2", "rot_3"]  # fmt: skip
+    fields = "".join(f"property float {name}\n" for name in names)
+    head = (f"ply\nformat binary_little_endian 1.0\ncomment frame 1 0 0 5 0 0 1 6 0 -1 0 7\nelement vertex {POINTS}\n{fields}"
+            f"element provenance {POINTS}\nproperty uint points\nend_header\n")
+    path.write_bytes(head.encode() + rows.tobytes() + bytes(4 * POINTS))
+
+
 def texts() -> dict[str, bytes]:
     points = some(POINTS)
     plain, coloured = text_rows([points.xyz]), text_rows([points.xyz, points.rgb])
@@ -129,6 +141,7 @@ ONE_FILE: dict[str, dict[str, Callable[[Path], object]]] = {
         "b.ply": lambda p: write_ply(p, *surface(POINTS), kind="float"),
         "c.ply": lambda p: write_ply(p, *surface(POINTS), order="binary_big_endian", vertex_list=True, colour="ushort"),
         "d.ply": lambda p: write_ply(p, *surface(POINTS), faces_first=True),
+        "splats.ply": _splats,
     },
     "pcd": {
         "a.pcd": lambda p: write_pcd(p, some(POINTS), "ascii"),

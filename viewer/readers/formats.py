@@ -35,7 +35,7 @@ class Format:
 FORMATS = (
     Format(("E57",), ("e57.e57_source", "E57Source"), (".e57",), (b"ASTM",)),
     Format(("LAS", "LAZ", "COPC"), ("las.las_source", "LasSource"), (".las", ".laz"), (b"LASF",)),
-    Format(("PLY",), ("ply.ply_source", "PlySource"), (".ply",), (b"ply\n", b"ply\r")),
+    Format(("PLY",), ("ply.splat_ply_source", "open_ply"), (".ply",), (b"ply\n", b"ply\r")),
     Format(("PCD",), ("pcd.pcd_source", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
     Format(("PTS",), ("text.pts", "open_pts"), (".pts",), takes_columns=True),
     Format(("PTX",), ("text.ptx", "PtxSource"), (".ptx",)),

@@ -61,8 +61,9 @@ class PlySource(Source):
         self._rgb = next((names for names in _COLOURS if all(name in plain for name in names)), None)
         self._intensity = next((name for name in _INTENSITIES if name in plain), None)
         self._class = next((name for name in _CLASSES if name in plain), None)
-        self._types = {name: p.type for name, p in plain.items()}
-        if self._header.order and all(self._types[axis] == "f4" for axis in "xyz"):
+        self.types = {name: p.type for name, p in plain.items()}
+        """Types of the vertices' properties without lists, NumPy's without byte order, by lower-case name."""
+        if self._header.order and all(self.types[axis] == "f4" for axis in "xyz"):
             self.precision = 2.0**-24
         self._ranges: Ranges | None = None
         self._blocks: RecordBlocks | None = None
@@ -82,7 +83,7 @@ class PlySource(Source):
             yield self._record(found)
 
     def _counted(self, told: list[str]) -> Iterator[Columns]:
-        most = 255 if all(self._types[name] == "u1" for name in self._rgb or ()) else FULL
+        most = 255 if all(self.types[name] == "u1" for name in self._rgb or ()) else FULL
         rows = colours_counted(((0, found) for found in self._columns()), self._rgb or (), self.path, told, most)
         return (found for _, found in rows)
 
@@ -94,7 +95,7 @@ class PlySource(Source):
 
     @property
     def has_quick_records(self) -> bool:
-        measured = self._ranges is not None or all(self._types[name][0] != "f" for name in self._rgb or ())
+        measured = self._ranges is not None or all(self.types[name][0] != "f" for name in self._rgb or ())
         return measured and self._seekable
 
     @property
@@ -153,7 +154,7 @@ class PlySource(Source):
         return xyz, None if self._rgb is None else np.stack([self._channel(columns, n, ranges) for n in self._rgb], axis=1)
 
     def _channel(self, columns: Columns, name: str, ranges: Callable[[], Ranges]) -> np.ndarray:
-        kind, values = self._types[name], columns[name]
+        kind, values = self.types[name], columns[name]
         if kind[0] != "f":
             return clipped(values, np.uint8 if kind == "u1" else np.uint16)
         largest = max(ranges()[n][1] for n in self._rgb or ())
@@ -161,7 +162,7 @@ class PlySource(Source):
         return (stretch(values, 0, full) / 257.0 + 0.5).astype(np.uint8)
 
     def _level(self, values: np.ndarray, ranges: Callable[[], Ranges]) -> np.ndarray:
-        kind = self._types[self._intensity or ""]
+        kind = self.types[self._intensity or ""]
         if kind in ("u1", "u2"):
             return clipped(values, np.uint16)
         return stretch(values, *ranges()[self._intensity or ""])
