@@ -19,6 +19,7 @@ from pointglass.viewer.work.measuring.measure_shapes import shapes_of
 from pointglass.viewer.work.measuring.measure_text import value_text
 from pointglass.viewer.work.measuring.measurement import KINDS
 from pointglass.viewer.work.places.covering_places import covering_places
+from pointglass.viewer.work.places.human_scale import FEET, metre_of
 from pointglass.viewer.work.places.standing_candidates import standing_candidates
 from pointglass.viewer.work.places.walk_map import map_of
 
@@ -71,17 +72,40 @@ def test_places_are_planned_in_every_room_and_nowhere_else(seed):
     points = rooms(seed)
     spacing = 0.04
     walk = map_of(points, points.min(axis=0) - 0.2, 0.12, 1.0, spacing)
-    eyes, areas = standing_candidates(walk)
+    eyes, areas, footing = standing_candidates(walk)
     indoors = (eyes[:, 2] > 1.4) & (eyes[:, 2] < 1.9)
     home = areas == areas[indoors][0]
     assert len(eyes) > 30 and not indoors.all()  # one can stand on the roof, too
     assert home[indoors].mean() > 0.9  # the door joins the rooms
-    places = covering_places(points, eyes, home, 1.0, 12)
+    places = covering_places(points, eyes, home, 1.0, 12, footing)
     assert 2 <= len(places) <= 12
     assert (np.abs(places[:, 2] - 1.6) < 0.2).all()
     x, y = places[:, 0], places[:, 1]
     assert (x < 4.7).any() and (x > 5.5).any()
     assert (np.minimum(y, 4 - y) > 0.3).all() and (np.minimum(x, 10.2 - x) > 0.3).all()
+
+
+def test_nobody_is_put_on_a_table_or_beside_a_column(seed):
+    """The middle of the first room, from where most is seen, has a table in it; the second one has a column."""
+    rng = np.random.default_rng(seed)
+    table = rng.random((6000, 3)) * (1.6, 1.2, 0.0) + (1.7, 1.4, 0.7)
+    turn = rng.random(4000) * 2 * np.pi
+    column = np.column_stack([7.7 + 0.25 * np.cos(turn), 2.0 + 0.25 * np.sin(turn), rng.random(4000) * 2.6])
+    points = np.concatenate([rooms(seed), table, column])
+    walk = map_of(points, points.min(axis=0) - 0.2, 0.12, 1.0, 0.04)
+    eyes, areas, footing = standing_candidates(walk)
+    on_table = np.abs(eyes[:, 2] - 2.3) < 0.1
+    assert on_table.any() and (footing[on_table] < 0.7).all()
+    places = covering_places(points, eyes, areas == areas[np.abs(eyes[:, 2] - 1.6).argmin()], 1.0, 12, footing)
+    assert (np.abs(places[:, 2] - 1.6) < 0.2).all()
+    assert (np.linalg.norm(places[:, :2] - (7.7, 2.0), axis=1) > 0.95).all()
+
+
+def test_feet_are_told_from_metres_by_the_height_of_rooms(seed):
+    points = rooms(seed)
+    for unit in (1.0, FEET):
+        walk = map_of(unit * points, unit * points.min(axis=0) - 1.0, 0.12 * unit, 1.0, 0.04 * unit)
+        assert metre_of(walk) == unit
 
 
 def test_storeys_are_told_by_their_floors():

@@ -3,7 +3,7 @@
 Frame: file coordinates, float64.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from ...common.errors import InputError, Option
 from ...common.text import whole_number, with_whole_characters
 from ...work.places.covering_places import covering_places
 from ...work.places.free_places import free_places
+from ...work.places.human_scale import metre_of
 from ...work.places.standing_candidates import standing_candidates
 from ...work.places.standing_place import overview_position, sample_scene
 from ...work.places.start_view import standing_view
@@ -37,11 +38,13 @@ _SAME = 0.05
 @dataclass(frozen=True, eq=False)
 class Place:
     """name: for a person.  position: (3,) file coordinates.  heading: (3,) direction of the first view, file axes, not
-    straight up or down; None: where most is in view."""
+    straight up or down; None: where most is in view.  metre: file units in a metre; of a file that does not say, as of
+    viewer.work.places.human_scale where the place was planned, else 1."""
 
     name: str
     position: np.ndarray
     heading: np.ndarray | None = None
+    metre: float = 1.0
 
 
 def parse_places(text: str) -> str | int:
@@ -87,7 +90,7 @@ def _stations(scene: "Scene", document: "Document") -> list[Place]:
     for number in known:
         if _is_new(places[number], found, _metre(scene)):
             name = with_whole_characters(scene.meta.scans[number].name or f"Station {number + 1}")
-            found.append(Place(name, places[number]))
+            found.append(Place(name, places[number], metre=_metre(scene)))
     return found
 
 
@@ -98,28 +101,33 @@ def _viewpoints(document: "Document", scene: "Scene") -> list[Place]:
             continue  # it stands nowhere
         pose = np.array(view.camera_to_world)
         if _is_new(pose[:3, 3], found, _metre(scene)):
-            found.append(Place(view.name, pose[:3, 3], _level(-pose[:3, 2], document.up)))
+            found.append(Place(view.name, pose[:3, 3], _level(-pose[:3, 2], document.up), _metre(scene)))
     return found
 
 
 def _planned(scene: "Scene", document: "Document", most: int) -> list[Place]:
     """Places that see every surface; where nobody can stand, one from which all is in view."""
     upright, seen = upright_axes(document.up), sample_scene(scene)
+    sight = Selection.in_sight(scene, document.edits)
+    walk = build_walk_map(sight, upright, seen.metre)
+    if walk is not None and scene.meta.metres_per_unit is None and (metre := metre_of(walk)) != seen.metre:
+        seen = replace(seen, metre=metre)
+        walk = build_walk_map(sight, upright, metre)
     level, view = turned(seen, upright), standing_view(scene, seen)
-    walk = build_walk_map(Selection.in_sight(scene, document.edits), upright, seen.metre)
+    footing = None
     if walk is not None:
-        eyes, areas = standing_candidates(walk)
+        eyes, areas, footing = standing_candidates(walk)
     else:  # too coarse to tell a step from a wall
         spacing = seen.spacing * float(np.sqrt(max(scene.count / max(len(seen.points), 1), 1.0)))
         eyes = free_places(level.points, spacing, seen.metre, _FREE)
         areas = np.zeros(len(eyes), int)
     home = areas == areas[np.linalg.norm(eyes - view[0] @ upright, axis=1).argmin()] if view and len(eyes) else areas == 0
     inside = level.points[((level.points >= level.low) & (level.points <= level.high)).all(axis=1)]
-    places = covering_places(inside, eyes, home, seen.metre, most) @ upright.T
+    places = covering_places(inside, eyes, home, seen.metre, most, footing) @ upright.T
     if len(places) == 0:
         away = np.array([0.35, 0.8, -0.5]) @ upright.T
         places = np.array([view[0] if view else overview_position(seen, 1.0, away)])
-    return [Place(f"Place {number}", place) for number, place in enumerate(places, 1)]
+    return [Place(f"Place {number}", place, metre=seen.metre) for number, place in enumerate(places, 1)]
 
 
 def _is_new(position: np.ndarray, found: list[Place], metre: float) -> bool:

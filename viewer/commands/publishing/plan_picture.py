@@ -15,6 +15,8 @@ _STOREY = 1.8
 """Metres between the floors of two storeys, at least."""
 _MARGIN = 1.0
 """Metres around what is shown."""
+_REACH = 8.0
+"""Metres around the places that are shown: what is seen through a window would make the rooms small."""
 _FULL = 0.985
 """Quantile of the counts of occupied pixels that is drawn fully opaque."""
 
@@ -47,8 +49,9 @@ def plan_of(points: np.ndarray, places: np.ndarray, floor: float, metre: float) 
         low, high = np.percentile(between, [0.5, 99.5], axis=0)
     else:
         low, high = shown.min(axis=0), shown.max(axis=0)
-    low = np.minimum(low, places[:, :2].min(axis=0)) - _MARGIN * metre
-    high = np.maximum(high, places[:, :2].max(axis=0)) + _MARGIN * metre
+    first, last = places[:, :2].min(axis=0), places[:, :2].max(axis=0)
+    low = np.minimum(np.maximum(low, first - _REACH * metre), first) - _MARGIN * metre
+    high = np.maximum(np.minimum(high, last + _REACH * metre), last) + _MARGIN * metre
     pixel = float((high - low).max()) / _LONGEST
     shape = np.maximum(np.ceil((high - low) / pixel).astype(int), 1)
     high = low + shape * pixel

@@ -35,15 +35,14 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
                view: str, attached: Mapping[int, tuple[int, int]]) -> dict[str, Any]:
     """The value of scene.js.  records: of each place: near and step of its depths, floor, the distance down to a surface (0:
     none), and yaw, degrees, where most is in view.  attached: number of a note -> (width, height) of its picture."""
-    metre = 1.0 / scene.meta.metres_per_unit if scene.meta.metres_per_unit else 1.0
-    axes = upright_axes(document.up)
+    metre, axes = places[0].metre, upright_axes(document.up)
     origin = np.round(scene.bounds.mean(axis=0))
     stands = np.stack([place.position for place in places])
     local = (stands - origin) @ axes
     below = [record["floor"] for record in records]
     height = np.array([down if _FLOOR[0] * metre < down < _FLOOR[1] * metre else EYE * metre for down in below])
     floors = local[:, 2] - height
-    storey, plans = plans_of(scene, document, local, floors, origin)
+    storey, plans = plans_of(scene, document, local, floors, origin, metre)
     unit = unit_name(scene.meta.metres_per_unit)
     return {
         "generator": f"pointglass {__version__}", "title": title, "view": view,
@@ -68,10 +67,9 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
 
 
 def plans_of(scene: "Scene", document: "Document", local: np.ndarray, floors: np.ndarray,
-             origin: np.ndarray) -> tuple[np.ndarray, list[Plan]]:
+             origin: np.ndarray, metre: float) -> tuple[np.ndarray, list[Plan]]:
     """The storey of each place (n,), and the plan of each storey.  local: (n, 3) places, upright, relative to the origin.
-    floors: (n,) heights of the floors under them."""
-    metre = 1.0 / scene.meta.metres_per_unit if scene.meta.metres_per_unit else 1.0
+    floors: (n,) heights of the floors under them.  metre: file units in a metre."""
     storey = storeys(floors, metre)
     points = _points(scene, document, origin, upright_axes(document.up))
     return storey, [plan_of(points, local[storey == level], float(np.median(floors[storey == level])), metre)

@@ -27,14 +27,26 @@ _OUT_OF_SIGHT = 0.5
 _GROUNDED = 0.75
 """Share of the directions below the horizon in which something must have been measured around a place, where any place has that
 much: in street_corner.laz one would stand under the street without.  The plans of studio.laz and plant_room.laz stay."""
+_FIRM = 0.7
+"""Footing below which nobody is put, where any place has more: a table in the middle of a room, a pipe."""
+_ARMS = 1.5
+"""Metres that a person keeps from what is beside him where there is room: a column a metre away fills a quarter of the view."""
+_TIGHT = 0.3
+"""Worth of a place with something an arm's length or less away, where others have room."""
+_EYE_LEVEL = 22.5
+"""Degrees above and below the horizon in which things count as beside a person."""
+_BESIDE = 0.05
+"""Share of these directions that must be nearer than a distance for that to be how near things are."""
 _NEAREST = 1.2
 """Metres between two places, at least."""
 
 
-def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray, metre: float, most: int) -> np.ndarray:
+def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray, metre: float, most: int,
+                    footing: np.ndarray | None = None) -> np.ndarray:
     """(n, 3) of the candidates (c, 3), at most ``most``, in the order of what they add.
 
-    points: (N, 3) float64.  home: (c,) bool, of the area where a person would begin.
+    points: (N, 3) float64.  home: (c,) bool, of the area where a person would begin.  footing: (c,) how well one stands
+    there, 0 to 1; None: not known.
     """
     if len(candidates) == 0 or len(points) == 0:
         return np.zeros((0, 3))
@@ -46,7 +58,9 @@ def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray
     chosen: list[int] = []
     covered = np.zeros(len(some), bool)
     linked, apart, first = np.ones(len(candidates), bool), np.ones(len(candidates), bool), 0.0
-    worth = np.where(home, 1.0, _ELSEWHERE)
+    worth = np.where(home, 1.0, _ELSEWHERE) * np.array([_room(nearest, metre) for _, _, nearest in views])
+    if footing is not None:
+        worth = worth * footing * ((footing >= _FIRM) | (footing < _FIRM).all())
     grounded = np.array([_ground(nearest) for _, _, nearest in views]) >= _GROUNDED
     worth = worth * grounded if grounded.any() else worth
     while len(chosen) < most:
@@ -89,6 +103,15 @@ def _sight(points: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarra
     nearest = np.full(_COLUMNS * _ROWS, np.inf)
     np.minimum.at(nearest, direction, far)
     return far, far <= _BEHIND * nearest[direction], nearest
+
+
+def _room(nearest: np.ndarray, metre: float) -> float:
+    """Worth of the room around a place, _TIGHT to 1.  nearest: as of :func:`_sight`."""
+    rows = round(_EYE_LEVEL / 180 * _ROWS)
+    beside = nearest.reshape(_ROWS, _COLUMNS)[_ROWS // 2 - rows : _ROWS // 2 + rows]
+    beside = beside.reshape(rows // 2, 4, _COLUMNS // 2, 2).min(axis=(1, 3))  # between the points of a surface are gaps
+    near = float(np.quantile(beside, _BESIDE, method="lower")) / metre  # of infinite ones no mean
+    return float(np.clip((near - 0.5) / (_ARMS - 0.5), _TIGHT, 1.0))
 
 
 def _ground(nearest: np.ndarray) -> float:

@@ -14,19 +14,32 @@ _MOST = 700
 """Places, at most; larger scans have larger cells."""
 _CLEAR = (0.6, 0.35)
 """Metres around a place in which nothing is in the way: wished for, and put up with where that leaves no place."""
+_AROUND = 1.4
+"""Metres around a place whose floor is looked at."""
+_LEVEL, _TABLE = 0.15, 1.5
+"""Metres by which that floor may rise or fall, and down to which what is lower is a floor beside furniture."""
+_LEAST = 1.0
+"""Square metres of level floor from which on it is enough: of a small bathroom."""
+_SHARE = 0.6
+"""Share of level and lower floor that must be level: above stairs half of it may be lower."""
+_ROOF = 0.2
+"""Worth of a place on a roof."""
+_CEILING = 1.8
+"""Metres from a floor down to what is the storey below."""
 _STOREY = 1.0
 """Metres between floors that are taken for two storeys of a cell."""
 
 
-def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray]:
-    """Eyes (n, 3), and the number of the area (n,) that each stands in: one can walk between places of one area."""
+def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Eyes (n, 3), the number of the area (n,) that each stands in, between whose places one can walk, and how good the footing
+    is there (n,), 0 to 1 (:func:`_footing`)."""
     from scipy.spatial import KDTree
 
     metre = walk.metre
     blocks = _centres(walk)
     floors = np.flatnonzero(walk.floor)
     if len(floors) == 0:
-        return np.zeros((0, 3)), np.zeros(0, int)
+        return np.zeros((0, 3)), np.zeros(0, int), np.zeros(0)
     areas = _areas(blocks[floors], walk.side, metre)
     tree = KDTree(blocks[:, :2])
     picked = _spread(blocks[floors], metre)
@@ -36,7 +49,8 @@ def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray]:
         if free.any():
             break
     kept = picked[free]
-    return blocks[floors[kept]] + np.array([0.0, 0.0, EYE_HEIGHT * metre]), areas[kept]
+    footing = np.array([_footing(blocks, walk, tree, blocks[floors[at]]) for at in kept])
+    return blocks[floors[kept]] + np.array([0.0, 0.0, EYE_HEIGHT * metre]), areas[kept], footing
 
 
 def _centres(walk: WalkMap) -> np.ndarray:
@@ -44,6 +58,20 @@ def _centres(walk: WalkMap) -> np.ndarray:
     bits = 21
     columns = np.stack([walk.keys >> 2 * bits, (walk.keys >> bits) & ((1 << bits) - 1)], axis=1)
     return np.column_stack([walk.origin[:2] + (columns + 0.5) * walk.side, walk.heights])
+
+
+def _footing(blocks: np.ndarray, walk: WalkMap, tree, feet: np.ndarray) -> float:
+    """How well one stands there, 0 to 1: by how much level floor is around, and how much of the surroundings is not a step down
+    from it, as around a table or a tank.  On a roof, with nothing above and a storey below, _ROOF of that."""
+    metre = walk.metre
+    near = np.array(tree.query_ball_point(feet[:2], _AROUND * metre))
+    rise, columns = (blocks[near, 2] - feet[2]) / metre, walk.keys[near] >> 21
+    level = np.unique(columns[walk.floor[near] & (np.abs(rise) < _LEVEL)])
+    lower = np.setdiff1d(columns[(rise < -_LEVEL) & (rise > -_TABLE)], level)
+    area = len(level) * (walk.side / metre) ** 2
+    share = min(area / _LEAST, 1.0) * min(len(level) / (len(level) + len(lower)) / _SHARE, 1.0)
+    below, above = (len(np.unique(columns[far])) for far in (rise < -_CEILING, rise > HEIGHT))
+    return share * (_ROOF if below > 0.3 * len(level) and above < 0.1 * len(level) else 1.0)
 
 
 def _areas(floors: np.ndarray, side: float, metre: float) -> np.ndarray:

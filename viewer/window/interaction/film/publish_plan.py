@@ -48,8 +48,8 @@ def planned(scene: "Scene", document: "Document", settings: "Settings", wanted: 
     places = chosen_places(scene, document, wanted)
     axes, origin = upright_axes(document.up), np.round(scene.bounds.mean(axis=0))
     local = (np.stack([place.position for place in places]) - origin) @ axes
-    metre = 1.0 / scene.meta.metres_per_unit if scene.meta.metres_per_unit else 1.0
-    storey, plans = plans_of(scene, document, local, local[:, 2] - EYE * metre, origin)
+    metre = places[0].metre
+    storey, plans = plans_of(scene, document, local, local[:, 2] - EYE * metre, origin, metre)
     most = int(np.bincount(storey).argmax())
     numbers = np.flatnonzero(storey == most)
     share = (local[numbers, :2] - plans[most].low) / (plans[most].high - plans[most].low)
