@@ -12,11 +12,12 @@ from pointglass.viewer.grid.scene import attributes_of, unpack
 from pointglass.viewer.picture.colour_modes import category_colours
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.look import Look
-from pointglass.viewer.picture.point_sets import PointSet
+from pointglass.viewer.picture.point_sets import LEFT_OUT, MOST_LEVELS, PointLevels, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.preprocess.point_attributes import AttributeLayout
 from pointglass.viewer.render.raster import points
 from pointglass.viewer.render.raster.edit_block import tinted
+from pointglass.viewer.work.selection import Selection
 
 RASTERS = ("compute", "points", "cpu")
 
@@ -61,6 +62,31 @@ def test_marks_hide_tint_and_reclassify_exactly_their_points(context, raster, se
         assert all(np.array_equal(a, b) for a, b in
                    zip(pictures(context, without(wanted, dropped), camera, raster), found, strict=True))  # fmt: skip
     assert not np.array_equal(found[0], pictures(context, scene, camera, raster, Edits(look=look))[0])
+
+
+@pytest.mark.parametrize("raster", RASTERS)
+def test_levels_colour_and_leave_out_exactly_their_points_beside_other_marks(context, raster, seed):
+    """A comparison in the window: levels of points, with a selection, hidden regions and hidden classes."""
+    random = np.random.default_rng(seed)
+    scene = with_classes(room(seed, 60_000), random)
+    (hidden, gone), (changed, to_nine), (selection, chosen) = (random_set(scene, random, share) for share in (0.2, 0.3, 0.3))
+    edits = Edits(regions=(Region("a", hidden, shown=False),), selection=selection, reclassified=(ClassChange(9, changed),),
+                  hidden_classes=(3, 9))
+    levels = random.integers(0, MOST_LEVELS, scene.count).astype(np.uint8)
+    levels[random.random(scene.count) < 0.2] = LEFT_OUT
+    classes = np.where(to_nine, 9, attributes_of(scene).classification)
+    dropped = gone | np.isin(classes, (3, 9)) | (levels == LEFT_OUT)
+    camera, rgb = camera_in(scene, seed, (120, 90)), unpack(scene)[1]
+    table = random.integers(0, 256, (MOST_LEVELS, 3)).astype(np.uint8)
+    for shown, colours in ((table, table[np.minimum(levels, MOST_LEVELS - 1)]), (None, rgb)):
+        wanted = with_colours(scene, np.where(chosen[:, None], tinted(colours), colours))
+        changes = PointLevels(levels, shown)
+        found = pictures(context, scene, camera, raster, replace(edits, changes=changes))
+        assert all(np.array_equal(a, b) for a, b in
+                   zip(pictures(context, without(wanted, dropped), camera, raster), found, strict=True))  # fmt: skip
+        sight = Selection.in_sight(scene, replace(edits, changes=changes))
+        xyz, _, _, station = unpack(scene)
+        assert np.array_equal(sight.keeps(xyz, station, slice(0, scene.count)), ~dropped), "picks take what is drawn"
 
 
 def test_marks_follow_their_points_through_a_pool_that_does_not_hold_the_scene(context, seed):

@@ -13,7 +13,7 @@ from ..common.errors import InputError
 from .clip import Clip, Vector, active
 from .json_values import UNLESS_DEFAULT
 from .look import Look
-from .point_sets import NO_POINTS, PointSet
+from .point_sets import NO_POINTS, PointLevels, PointSet
 from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
 
@@ -39,7 +39,8 @@ class Edits:
     ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS; it applies where the
     scene's ghosts are marked (Scene.marked).
     hidden_classes: codes of the classes that are not drawn.  regions: named sets of points.  reclassified: points that have
-    another class than in their file, each in one entry.  selection: points that are tinted.
+    another class than in their file, each in one entry.  selection: points that are tinted.  changes: levels of points, which
+    colour them in place of the look; of a comparison in the window, never stored.
     Raises InputError naming a bad value.
     """
 
@@ -53,6 +54,7 @@ class Edits:
     regions: tuple[Region, ...] = field(default=(), metadata=UNLESS_DEFAULT)
     reclassified: tuple[ClassChange, ...] = field(default=(), metadata=UNLESS_DEFAULT)
     selection: PointSet = field(default=NO_POINTS, metadata=UNLESS_DEFAULT)
+    changes: PointLevels | None = field(default=None, metadata={"not_stored": True})
 
     def __post_init__(self) -> None:
         if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
@@ -80,27 +82,32 @@ class Edits:
     def drops(self) -> bool:
         """Whether some points may not be drawn."""
         hidden = self.hidden_stations or self.hidden_classes or hidden_regions(self.regions)
-        return bool(active(self.clips) or hidden or self.ghosts == "hidden")
+        left_out = self.changes is not None and self.changes.drops_any
+        return bool(active(self.clips) or hidden or self.ghosts == "hidden" or left_out)
 
     def drops_much(self, count: int) -> bool:
         """Whether more may not be drawn than regions that together hold at most LITTLE of ``count`` points."""
-        others = self.hidden_stations or self.hidden_classes or active(self.clips) or self.ghosts == "hidden"
+        others = self.hidden_stations or self.hidden_classes or active(self.clips) or self.ghosts == "hidden" or (
+            self.changes is not None and self.changes.drops_any)
         return bool(others) or sum(region.points.count for region in hidden_regions(self.regions)) > LITTLE * count
 
     @property
     def recolours(self) -> bool:
         """Whether points are coloured by an attribute."""
-        return self.look.recolours
+        return self.look.recolours or (self.changes is not None and self.changes.colours is not None)
 
     @property
     def changes_points(self) -> bool:
         """Whether some point is drawn differently, or not at all; the rest of the look develops the finished picture."""
-        return self.drops or self.recolours or self.ghosts == "dimmed" or bool(self.selection)
+        return self.drops or self.recolours or self.ghosts == "dimmed" or bool(self.selection) or self.changes is not None
 
     def shown_in(self, views: Iterable[str]) -> "Edits | None":
         """The edits of points that apply to a picture of these views, None where none does: hole fill and network use RGB
         only."""
-        plain = self if set(views) <= set(POINT_VIEWS) else replace(self, look=replace(self.look, colour_by="rgb"))
+        plain = self
+        if not set(views) <= set(POINT_VIEWS):
+            changes = None if self.changes is None else self.changes.uncoloured
+            plain = replace(self, look=replace(self.look, colour_by="rgb"), changes=changes)
         return plain if plain.changes_points else None
 
 

@@ -1,4 +1,5 @@
-"""Sets of measured points, by the files that hold them: what is selected, kept as a region, or classified anew.
+"""Sets of measured points, by the files that hold them: what is selected, kept as a region, or classified anew; and
+levels of the points of a scene, by which a comparison colours them.
 
 A set names records: the k-th point that a file gives when it is read from its beginning (Source.chunks).  It says the same of
 the grid, of an export and of a single point, and stays with the points where their scan is moved.  A file is known by its name
@@ -23,6 +24,11 @@ FileKey = tuple[str, int]
 """Name of a file and the number of its records."""
 _LARGEST = 1 << 28
 """Bytes of the lengths of one file's runs: 17 million runs, one for each 3 points of a scan of 100 million."""
+
+LEFT_OUT = 255
+"""Level of points that are not drawn."""
+MOST_LEVELS = 120
+"""Levels there may be: each takes two codes of viewer.grid.records.point_marks, one of them for selected points."""
 
 
 @dataclass(frozen=True)
@@ -155,3 +161,22 @@ class PointSet(OwnJson):
 
 
 NO_POINTS = PointSet()
+
+
+@dataclass(frozen=True, eq=False)
+class PointLevels:
+    """levels: (N,) uint8 by number in the scene, below MOST_LEVELS, or LEFT_OUT.  colours: (MOST_LEVELS, 3) uint8 of each
+    level; None: points keep their own colours.  Equal only to itself."""
+
+    levels: np.ndarray
+    colours: np.ndarray | None
+
+    @cached_property
+    def uncoloured(self) -> "PointLevels":
+        """The same points are left out; the others have their own colours."""
+        return self if self.colours is None else PointLevels(self.levels, None)
+
+    @cached_property
+    def drops_any(self) -> bool:
+        """Whether some point is not drawn."""
+        return bool((self.levels == LEFT_OUT).any())

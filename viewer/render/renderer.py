@@ -17,6 +17,7 @@ from ...model.common.process.memory import give_back
 from ...model.reference.soft_z import SoftZ
 from ..common.errors import DeviceLostError, InputError, Option
 from ..common.text import bytes_text
+from ..grid.records.levelled_marks import levelled_marks
 from ..grid.records.point_marks import marks_of
 from ..picture.edits import Edits
 from ..picture.settings import MEMORY, Memory, Settings
@@ -194,7 +195,7 @@ class Renderer:
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
         recalled = None if camera.orthographic else self._history(history, settings, views, rasteriser)
-        marks = None if edits is None else marks_of(self.scene, edits)
+        marks = None if edits is None else (marks_of if edits.changes is None else levelled_marks)(self.scene, edits)
         with self._stages("raster"):
             rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)
             hides = rasteriser.run(self.pages, draw, camera, soft, rounds, history=recalled, stations=stations,

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..common.errors import InputError
 from ..common.progress import progress
+from ..grid.records.levelled_marks import levelled_marks
 from ..grid.records.point_marks import file_keys, marks_of
 from ..picture.clip import Clip, active, box_around, contains, may_contain
 from ..picture.edits import Edits
@@ -61,6 +62,9 @@ class Selection:
                  only: PointSet | None = None) -> "Selection":
         """What a person sees of a scene with these edits.  only: of these points; None: of all.  Where the grid does not tell
         which records its points are, sets of points do nothing; point_marks.check_sets raises an error there."""
+        if edits.changes is not None:  # its marks leave out what classes and regions hide, too
+            marks = levelled_marks(scene, replace(edits, changes=edits.changes.uncoloured))
+            return Selection(scene, edits.clips, within, scene.hidden_stations(edits), marks=marks)
         marked = edits
         if only is not None:
             files = file_keys(scene)

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from ...common.files import out_folder, write_together
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from ...readers.moved_source import Moves
 from ...work.comparing.compare import METHODS, Distances, compare
 from ...work.comparing.distance_statistics import Statistics, statistics_of
 from ...work.comparing.facing import TEXTS, facing_of
@@ -52,26 +54,40 @@ def run(options: argparse.Namespace) -> int:
             raise InputError("expected a length in the unit of the scans", option=name, value=value)
     paths = options.before, options.after
     moves = None if options.project is None else moves_in(options.project, list(paths))
-    (sources, meta), (other_sources, other_meta) = (opened(path, options.columns, moves) for path in paths)
-    for line in check_together(options.before, meta, options.after, other_meta):
-        print(f"pointglass: {line}", file=sys.stderr)
-    _refuse_own_files(options.out, [Path(name) for name in (*meta.sources, *other_meta.sources)])
-    with out_folder(options.out):  # before minutes of work
-        before, after = read_cloud(options.before, sources, meta), read_cloud(options.after, other_sources, other_meta)
-        distances = compared(before, after, method=options.method, registration=options.registration)
-        found = statistics_of(distances.distance, distances.uncertainty, options.limit)
+    lines = write_comparison(*paths, options.out, method=options.method, registration=options.registration, limit=options.limit,
+                             moves=moves, columns=options.columns,
+                             assumed=lambda line: print(f"pointglass: {line}", file=sys.stderr))  # fmt: skip
+    for line in lines:
+        print(line)
+    print(f"{', '.join(FILES)} in {options.out}")
+    return 0
+
+
+def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: str, registration: float, limit: float | None,
+                     moves: Moves | None, columns: str | None = None, assumed: Callable[[str], object] = lambda line: None
+                     ) -> list[str]:
+    """Compares two scans and writes FILES into the folder ``out``.  Returns what it found, lines for a person.
+
+    limit: where the colours end; None: chosen by the changes.  moves: transformations of the scans.  assumed: is told what is
+    taken for granted of units.  Raises InputError; Cancelled where progress is.
+    """
+    (sources, meta), (other_sources, other_meta) = (opened(path, columns, moves) for path in (before_path, after_path))
+    for line in check_together(before_path, meta, after_path, other_meta):
+        assumed(line)
+    _refuse_own_files(out, [Path(name) for name in (*meta.sources, *other_meta.sources)])
+    with out_folder(out):  # before minutes of work
+        before, after = read_cloud(before_path, sources, meta), read_cloud(after_path, other_sources, other_meta)
+        distances = compared(before, after, method=method, registration=registration)
+        found = statistics_of(distances.distance, distances.uncertainty, limit)
         unit = unit_name(other_meta.metres_per_unit or meta.metres_per_unit)
-        with replaced_told(options.out / name for name in FILES):
+        with replaced_told(out / name for name in FILES):
             facts = before, after, distances, found, unit
-            write_together(options.out, {
+            write_together(out, {
                 distances_laz.NAME: lambda path: distances_laz.write_laz(path, after, distances, found.limit),
                 distances_csv.NAME: lambda path: distances_csv.write_csv(path, *facts),
                 distances_picture.NAME: lambda path: distances_picture.write_picture(path, *facts),
             })
-    for line in report_lines(distances, found, unit):
-        print(line)
-    print(f"{', '.join(FILES)} in {options.out}")
-    return 0
+    return report_lines(distances, found, unit)
 
 
 def compared(before: Cloud, after: Cloud, *, method: str, registration: float) -> Distances:

@@ -64,7 +64,7 @@ def block_of(edits: "Edits", scene: "Scene", camera: "Camera", marks: "PointMark
                 data[name][number // 32] |= np.uint32(1 << number % 32)
     if marks is not None:
         data["marks"] = marks.table
-    data["mode"][3] = bool(edits.hidden_classes)
+    data["mode"][3] = bool(edits.hidden_classes) and edits.changes is None  # marks of levels have no classes: they leave out
     low, high = ends_of(edits, scene, camera)
     mode = COLOUR_BY[edits.look.colour_by]
     up = np.array(mode.axis or edits.up)
@@ -77,6 +77,9 @@ def block_of(edits: "Edits", scene: "Scene", camera: "Camera", marks: "PointMark
         data["mode"][2] = scene.marked.station + 1
     data["mode"][0] = mode.value
     colours = colours_of(edits.look.colour_by, edits.look.ramp).astype(np.uint32)
+    if edits.changes is not None and edits.changes.colours is not None:
+        data["mode"][0] = PointValue.CLASS
+        colours[: len(edits.changes.colours)] = edits.changes.colours
     data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16
     return data.tobytes()
 

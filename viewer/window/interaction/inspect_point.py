@@ -41,7 +41,7 @@ def lines_of(picked: Picked, context: ToolContext) -> list[str]:
 def class_text(picked: Picked, context: ToolContext) -> str | None:
     """The class of a point, as the document has it and as its file does; None where it has none."""
     own, scene = picked.classification, context.scene
-    marks = None if scene is None else marks_of(scene, context.session.work.shown_edits)
+    marks = None if scene is None else marks_of(scene, context.document)
     if marks is not None and (entry := int(marks.table[marks.of_point[picked.index]])) & HAS_CLASS:
         code, file = entry & 255, "none in the file" if own is None else f"file: {own}"
         return f"{code} {CLASSES.get(code, ('user-defined',))[0]} ({file})"

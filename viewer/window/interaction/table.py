@@ -5,6 +5,7 @@ The order is that of the buttons; Fly stays first because it receives what the s
 
 from .clipping.clip_tool import ClipOutlines, ClipTool
 from .colours import AttributeLegend, Colours
+from .comparing.compare_tool import Compare
 from .film.film_tool import Film
 from .fly import Fly
 from .inspect_point import InspectPoint, UnderPointer
@@ -22,7 +23,8 @@ from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, WhatIsReal, Film, SceneSettings,
+    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, Compare, WhatIsReal, Film,
+    SceneSettings,
 )  # fmt: skip
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 

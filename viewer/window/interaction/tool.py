@@ -75,7 +75,7 @@ class ToolContext:
 
     session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
     theme: sizes and colours.  clipboard: text copied and pasted.  files: dialogs that ask for a file.
-    saves: pictures saved in the folder of pictures.  save_project: as Ctrl+S.
+    saves: pictures saved in the folder of pictures.  save_project: as Ctrl+S.  open_scans: opens files instead of what is open.
     """
 
     def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
@@ -84,6 +84,7 @@ class ToolContext:
         self.files: FileDialogs
         self.saves: SaveActions
         self.save_project: Callable[[], object] = lambda: None
+        self.open_scans: Callable[[Sequence[Path]], object] = lambda paths: None
         self._set_captured = set_captured or (lambda captured: None)
 
     @property

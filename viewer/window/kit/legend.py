@@ -12,6 +12,8 @@ from .theme import packed
 if TYPE_CHECKING:
     from .overlay import OverlayCanvas
 
+_TOOL_BAR, _LOW = 40.0, 700.0
+"""Design units: width of the bar of tools at the left edge, and the height of the picture below which it reaches the legend."""
 _MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # design units
 
 
@@ -19,7 +21,8 @@ def _plate(overlay: "OverlayCanvas", width: float, height: float) -> tuple[float
     """A dark plate of that size; returns its left and top."""
     px = overlay.theme.px
     left, top, _, down = overlay.area
-    x, y = left + px(_MARGIN), top + down - px(_MARGIN) - height
+    beside = px(_TOOL_BAR) if down < px(_LOW) else 0.0  # the bar of tools reaches down to the legend
+    x, y = left + px(_MARGIN) + beside, top + down - px(_MARGIN) - height
     overlay.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(5))
     return x, y
 

@@ -71,12 +71,13 @@ class SaveActions:
                 image, shot = made
                 height, width = image.shape[:2]
                 image = over.drawn(image, self._session.camera.resized(width, height))
-                text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
+                text = cannot_repeat("a photograph, the tint or a comparison") if shot is None else {KEY: shot.text()}
                 capture.save_png(path, image, text)
         except PointglassError as error:
             self._session.notices.say("No screenshot was saved", error)
             return None
-        again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
+        shows = "a photograph, the tint or a comparison"
+        again = "" if shot is not None else f"; it shows {shows}, so `render --like` cannot draw it again"
         if shot is None and self._session.work.shot_scale > 1:
             again += ", and it has the window's size"
         self._session.notices.tell_saved(path, f"Saved {path}{over.text}{again}")

@@ -23,6 +23,8 @@ def shown_legend(session: "Session") -> Legend | None:
     look, scene = session.document.look, session.scene
     if scene is not None and session.work.tint:
         return Legend(_TINT, session.work.tint_rows) if session.work.tint_rows else None
+    if scene is not None and session.work.changes is not None and session.work.change_legend is not None:
+        return session.work.change_legend if set(session.screen.drawn) <= set(POINT_VIEWS) else None
     if scene is None or not look.recolours or not set(session.screen.drawn) <= set(POINT_VIEWS):
         return None
     if COLOUR_BY[look.colour_by].legend != "ramp":

@@ -13,6 +13,7 @@ from ...common.errors import InputError
 from ...common.rigid_transform import Rows
 from ...picture.camera import Camera
 from ...picture.edits import Edits
+from ...picture.point_sets import PointLevels
 from ...picture.settings import Settings
 from ...preprocess.scan_description import ScanDescription
 from ...readers.e57.e57_photographs import StationPhoto
@@ -20,6 +21,7 @@ from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measuring.measurement import Begun
 from ...work.moved_scans import ScanPlace, difference, place_of
+from ...work.pictures.picture_legend import Legend
 from ...work.places.pick import Picked
 from ...work.project import (
     digest_of,
@@ -60,7 +62,8 @@ class DocumentState:
     exact_points: picked points of the work whose values are being read from their files.
     begun: the measurement that is not ended yet, None where there is none.
     reference_problem: why the assigned reference system cannot be used, None where it can.
-    set_aside: numbers of stations that a tool does not draw for the moment; no part of the document.
+    set_aside: numbers of stations that a tool does not draw for the moment; changes: levels of points that a comparison shows,
+    and change_legend what they mean; no part of the document.
     located: path of a scan in a project -> where a person said it is, None: left out.
     digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
     autosave, until somebody takes it over."""
@@ -80,6 +83,8 @@ class DocumentState:
         self.shot_legend = False
         self.reference_problem: str | None = None
         self.set_aside: tuple[int, ...] = ()
+        self.changes: PointLevels | None = None
+        self.change_legend: Legend | None = None
         self.located: dict[str, str | None] = {}
         self.digest = ""
         self.recovered: Recoverable | None = None
@@ -98,6 +103,8 @@ class DocumentState:
     def shown_edits(self) -> Edits:
         """What changes pictures: the document's edits, without the stations that are set aside."""
         edits = self.document.edits
+        if self.changes is not None:
+            edits = replace(edits, changes=self.changes)
         if not self.set_aside:
             return edits
         return replace(edits, hidden_stations=tuple(sorted({*edits.hidden_stations, *self.set_aside})))
@@ -171,6 +178,7 @@ class DocumentState:
         self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
         self._note_places(opened.project)
         self.begun = opened.recovered.unsaved.begun if opened.recovered is not None else None
+        self.changes = self.change_legend = None
         self.exact_points = ExactPoints()  # points that are still being read are of the former work
         saved = opened.document if opened.saved is None else opened.saved
         self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)

@@ -93,7 +93,7 @@ class App:
         self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
         self.tools.saves = self.save_actions
         self.projects = ProjectFlow(self.session, self.files, self._wake_loop, lambda: self.toolbox.answering)
-        self.tools.save_project = self.projects.save
+        self.tools.save_project, self.tools.open_scans = self.projects.save, self.open
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
         self.last_view, self.actions = last_view, WindowActions(self)
         self.input = Input(self)

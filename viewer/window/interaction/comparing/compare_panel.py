@@ -1,0 +1,159 @@
+"""The rows of the Compare tool in the inspector: which scans, how they are compared, what came of it, and how it is shown."""
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from ....common.text import printable
+from ....work.comparing.compare import METHODS
+from ....work.comparing.facing import TEXTS
+from ....work.scan_files import FilePart
+from ...kit.worker import Worker
+from ..tool import ToolContext
+from .compare_work import Coloured, Comparison, Shown
+
+_SHOWN: dict[Shown, str] = {"change": "show the change", "after": "show the scan after", "before": "show the scan before"}
+_SHARES = {"95 %": 0.95, "99 %": 0.99}
+_GRAPH = 64.0
+"""Design units: height of the histogram."""
+
+
+class Comparing(Protocol):
+    """What the panel shows and changes: viewer.window.interaction.comparing.compare_tool.Compare."""
+
+    before: int
+    after: int
+    method: str
+    registration: float
+    shown: Shown
+    certain: bool
+    made: Comparison | None
+    coloured: Coloured | None
+    worker: Worker | None
+
+    @property
+    def exporting(self) -> Worker | None: ...
+    def parts(self, context: ToolContext) -> list[FilePart]: ...
+    def unit(self, context: ToolContext) -> str: ...
+    def choose(self, before: int, after: int) -> None: ...
+    def start(self, context: ToolContext) -> None: ...
+    def show(self, context: ToolContext, **chosen: Any) -> None: ...
+    def show_share(self, context: ToolContext, share: float) -> None: ...
+    def put_away(self, context: ToolContext) -> None: ...
+    def open_other(self, context: ToolContext) -> None: ...
+    def export(self, context: ToolContext) -> None: ...
+
+
+def draw_panel(ui: Any, tool: Comparing, context: ToolContext) -> None:
+    """All rows.  ui: the ``imgui`` module, inside a window."""
+    parts = tool.parts(context)
+    if len(parts) < 2:
+        if parts:
+            ui.text_wrapped("Two scans are compared that are open together, such as a room last year and now.")
+            if ui.button("Open a second scan…"):
+                tool.open_other(context)
+        else:
+            ui.text_wrapped("Scans can be compared once all points are read and their files are told apart.")
+        return
+    for label, number, other in (("before", tool.before, tool.after), ("after", tool.after, tool.before)):
+        chosen = _file(ui, label, parts, number)
+        if chosen is not None:
+            swapped = number if chosen == other else other
+            tool.choose(*((chosen, swapped) if label == "before" else (swapped, chosen)))
+    _method(ui, tool, context)
+    if tool.worker is not None:
+        ui.text_wrapped(tool.worker.label or tool.worker.title)
+        ui.progress_bar(tool.worker.fraction or 0.0)
+        if ui.button("Cancel"):
+            tool.worker.cancel()
+        return
+    if ui.button("Compare"):
+        tool.start(context)
+    if tool.made is not None and tool.coloured is not None:
+        ui.separator()
+        _result(ui, tool, context)
+
+
+def _file(ui: Any, label: str, parts: list[FilePart], number: int) -> int | None:
+    """A choice among the files; the number of another one where it was chosen."""
+    names, chosen = [printable(Path(part.path).name) for part in parts], None
+    ui.text_unformatted(label)
+    ui.set_next_item_width(-1)
+    if ui.begin_combo(f"##{label}", names[number]):
+        for at, name in enumerate(names):
+            ui.push_id(at)
+            if ui.selectable(name, at == number)[0] and at != number:
+                chosen = at
+            ui.pop_id()
+        ui.end_combo()
+    return chosen
+
+
+def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
+    ui.text_unformatted("method")
+    ui.set_next_item_width(-1)
+    if ui.begin_combo("##method", tool.method):
+        for name, text in METHODS.items():
+            if ui.selectable(name, name == tool.method)[0]:
+                tool.method = name
+            if ui.is_item_hovered():
+                ui.set_tooltip(text)
+        ui.end_combo()
+    ui.text_unformatted(f"registration unsure by, {tool.unit(context)}")
+    ui.set_next_item_width(-1)
+    value = ui.input_double("##registration", tool.registration, 0.0, 0.0, "%.4g")[1]
+    if np.isfinite(value) and value >= 0:
+        tool.registration = float(value)
+    if ui.is_item_hovered():
+        ui.set_tooltip("95 %, as Align and `pointglass align` state it; it is added to the uncertainty of each distance")
+
+
+def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
+    assert tool.made is not None and tool.coloured is not None
+    found, unit = tool.coloured.found, tool.unit(context)
+    ui.set_next_item_width(-1)
+    if ui.begin_combo("##shown", _SHOWN[tool.shown]):
+        for name, text in _SHOWN.items():
+            if ui.selectable(text, tool.shown == name)[0] and tool.shown != name:
+                tool.show(context, shown=name)
+        ui.end_combo()
+    if found.known:
+        ui.text_wrapped(f"median {found.median:.3g}, sd {found.sd:.3g} {unit}; unsure by {found.uncertainty:.3g} (95 %)")
+        ui.text_wrapped(f"{100 * found.changed / found.known:.3g} % changed by more than that; "
+                        f"{100 - 100 * found.known / found.count:.3g} % without a counterpart")
+    else:
+        ui.text_wrapped("No point has a counterpart in the scan before.")
+    shares = found.bins[1:-1].astype(np.float32)
+    ui.plot_histogram("##distances", shares, scale_min=0.0, scale_max=float(max(shares.max(initial=0.0), 1.0)),
+                      graph_size=(ui.get_content_region_avail().x, context.theme.px(_GRAPH)))  # fmt: skip
+    if ui.is_item_hovered():
+        ui.set_tooltip(f"how many points have which distance, from -{found.limit:.4g} to {found.limit:.4g} {unit}\n"
+                       f"positive (red): {TEXTS[tool.made.distances.rule]}")
+    ui.text_unformatted(f"colours end at ±, {unit}")
+    ui.set_next_item_width(-1)
+    entered, value = ui.input_double("##range", found.limit, 0.0, 0.0, "%.4g", ui.InputTextFlags_.enter_returns_true)
+    if (entered or ui.is_item_deactivated_after_edit()) and np.isfinite(value) and value > 0 and value != found.limit:
+        tool.show(context, limit=float(value))
+    if ui.button("auto"):
+        tool.show(context, limit=None)
+    for label, share in _SHARES.items():
+        ui.same_line()
+        if ui.button(label):
+            tool.show_share(context, share)
+        if ui.is_item_hovered():
+            ui.set_tooltip(f"the colours end where {label} of the distances end")
+    changed, on = ui.checkbox("certain changes only", tool.certain)
+    if changed:
+        tool.show(context, certain=on)
+    if ui.is_item_hovered():
+        ui.set_tooltip("points that changed by less than their uncertainty are grey")
+    if tool.exporting is not None:
+        ui.text_wrapped(tool.exporting.label or tool.exporting.title)
+    elif ui.button("Export…"):
+        tool.export(context)
+    if ui.is_item_hovered():
+        ui.set_tooltip("LAZ with distances, CSV and a picture, as `pointglass compare` writes them")
+    ui.same_line()
+    if ui.button("Own colours"):
+        tool.put_away(context)
