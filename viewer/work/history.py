@@ -53,6 +53,8 @@ class History(Generic[State]):
         self._undone.clear()
         if gesture is not None and len(self._done) > 1 and self._done[-1].gesture == gesture:
             self._done[-1] = _Step(label, state, gesture)
+            if state == self._done[-2].state:  # back where it began: nothing is left to be undone
+                self._done.pop()
         else:
             self._done.append(_Step(label, state, gesture))
         del self._done[: max(0, len(self._done) - 1 - MOST_STEPS)]

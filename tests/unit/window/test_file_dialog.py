@@ -109,6 +109,17 @@ def test_a_pasted_path_is_understood(folder):
     assert pasted("~") == "~"
 
 
+@pytest.mark.parametrize("kind", ("save", "open"))
+def test_home_and_dots_go_to_a_folder_and_name_no_file(folder, monkeypatch, kind):
+    monkeypatch.setenv("HOME", str(folder / "deeper"))
+    for text, there in (("~", folder / "deeper"), (".", folder), ("..", folder.parent), ("deeper/..", folder),
+                        ("deeper/.", folder / "deeper"), ("~/..", folder)):
+        choice = made(folder, kind=kind)
+        choice.type(text)
+        choice.enter()
+        assert choice.folder == there and choice.result is None and not choice.waiting, text
+
+
 def test_what_cannot_be_opened_is_said_in_words(folder):
     choice = made(folder)
     choice.enter()

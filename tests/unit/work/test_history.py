@@ -37,6 +37,16 @@ def test_a_gesture_is_one_step():
     assert [stack.undo() and stack.current for _ in range(3)] == [6, 5, 0]
 
 
+def test_a_gesture_that_ends_where_it_began_leaves_no_step():
+    """A name typed letter by letter, and taken back."""
+    stack = History("wall")
+    for name in ("wal", "wa", "wal", "wall"):
+        stack.do("rename", name, gesture="rename 0")
+    assert stack.current == "wall" and stack.undo_label is None
+    stack.do("rename", "floor", gesture="rename 0")
+    assert stack.undo() == "rename" and stack.current == "wall"
+
+
 def test_nothing_changed_is_no_step():
     stack = History((1, 2))
     stack.do("same", (1, 2))

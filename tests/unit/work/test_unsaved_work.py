@@ -39,7 +39,7 @@ CHANGES: dict[str, object] = {
 
 
 def test_every_field_of_the_document_counts_as_work_but_where_the_camera_stands(window, tmp_path):
-    fields = {each.name for each in dataclasses.fields(Document)}
+    fields = {each.name for each in dataclasses.fields(Document) if "not_stored" not in each.metadata}
     looked_at = {"view", "settings", "background"}
     assert fields == set(CHANGES) | looked_at | {"scans"}, "say here how a new field is changed"
     assert not window.flow.changed and window.flow.title == "points in memory · pointglass"
@@ -107,6 +107,21 @@ def test_another_scan_is_opened_after_a_question_only(window, tmp_path, answer):
     assert saved.exists() == (answer == "Save")
     if answer == "Save":
         assert read_project(saved).measurements == (TAPE,)
+
+
+def test_saving_while_asked_whether_to_save_answers_the_question(window, tmp_path):
+    """Ctrl+S with the question of Ctrl+Q open: the work is saved and the window ends; no question of saved work stays."""
+    left = []
+    window.edit(measurements=(TAPE,))
+    window.flow.leave(lambda: left.append("left"))
+    assert window.asked.startswith("Save the changes")
+    window.flow.save()
+    window.session.notices.take_answer()
+    assert not window.asked and left == ["left"] and read_project(tmp_path / "room.pointglass").measurements == (TAPE,)
+    window.edit(measurements=())
+    window.session.notices.ask("Another question?", "", ())
+    window.flow.save()
+    assert window.asked == "Another question?" and not window.flow.changed and left == ["left"]
 
 
 def test_a_change_made_while_another_scan_loads_is_asked_about_again(window, tmp_path):

@@ -71,3 +71,8 @@ def pasted(text: str) -> str:
     if text.startswith("file://"):
         text = unquote(urlparse(text).path)
     return text
+
+
+def names_folder(text: str) -> bool:
+    """Whether a text can mean a folder only: ``.`` or ``..``, alone or at its end, or a home folder."""
+    return os.path.basename(text) in (".", "..") or (os.sep not in text and os.path.expanduser(text) != text)

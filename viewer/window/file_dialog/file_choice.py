@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..kit.worker import Worker
-from .chosen_path import Examined, examine, pasted
+from .chosen_path import Examined, examine, names_folder, pasted
 from .folder_list import Entry, FolderList, natural, words
 
 Endings = Mapping[str, tuple[str, ...]]
@@ -227,13 +227,14 @@ class FileChoice:
             paths = [here / self.rows[self.cursor].name if selected else self._path(self.text) if self.text else here]
         elif len(self.chosen) > 1:
             paths = [here / name for name in sorted(self.chosen, key=natural)]
-        elif pasted(self.text) in ("", ".", ".."):
+        elif names_folder(pasted(self.text)):
+            self.go(self._path(self.text))
+            return
+        elif not pasted(self.text):
             if 0 <= self.cursor < len(self.rows):
                 self.go(here / self.rows[self.cursor].name)
-            elif not pasted(self.text):
-                self.problem = "Type a name first." if self.saving else "Select a file first."
             else:
-                self.go(self._path(self.text))
+                self.problem = "Type a name first." if self.saving else "Select a file first."
             return
         else:
             paths = [self._path(self.text)]

@@ -132,6 +132,13 @@ class Pointing:
         self._last = (frame, radius, position), found
         return found
 
+    def clicked(self, context: "ToolContext", position: tuple[float, float]) -> Picked | None:
+        """The measured point at a click; where there is none, a line says so."""
+        found = self.at(context, position)
+        if found is None:
+            context.toast("No measured point here: this pixel is filled or background")
+        return found
+
 
 def measured_point(context: "ToolContext", picked: Picked) -> MeasuredPoint:
     """A picked point with the spacing and noise of the surface around it, and how far that may go on where the camera sees its

@@ -107,10 +107,9 @@ class InspectPoint(Tool):
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.button != "left" or event.clicks != 1:
             return False
-        found = self._pointing.at(context, event.position)
+        found = self._pointing.clicked(context, event.position)
         if found is None:
             self._show(None, context)
-            context.toast("No measured point here: this pixel is filled or background")
         else:
             self._show(self._reading.of(context, found, lambda exact: self._arrived(exact, context)), context)
         return False

@@ -20,7 +20,7 @@ from ...work.history import History
 from ...work.measuring.measurement import Begun
 from ...work.project import SUFFIX, digest_of
 from ..file_dialog.file_dialogs import FileDialogs
-from ..kit.notices import Answer, ToastSubject
+from ..kit.notices import Answer, Message, ToastSubject
 from .autosave import Autosave, UnsavedWork, discard, lock
 from .loading import Loaded
 from .recent import remember
@@ -62,6 +62,7 @@ class ProjectFlow:
         self._closed_with: _Content | None = None  # saved or given up, when the person closed the window
         self._saving: _Saving | None = None
         self._problem = ""
+        self._asked: Message | None = None  # whether the work is saved before it is left
         self._left_off: _Content | None = None
         self.look_for_offers()
 
@@ -102,8 +103,7 @@ class ProjectFlow:
 
     def follow(self) -> None:
         """Called in every turn of the loop, before a picture is made: hands what is not saved to the autosave."""
-        session = self._session
-        work = session.work
+        session, work = self._session, self._session.work
         if (found := work.recovered) is not None:
             work.recovered = None
             self._take_over(found)
@@ -136,8 +136,10 @@ class ProjectFlow:
 
     def save(self, then: Callable[[], object] = lambda: None) -> None:
         """Saves the project in its file; a new one beside its scan, or where the person says if that is not possible."""
-        work = self._session.work
-        if self._session.scene is None:
+        work, message = self._session.work, self._session.notices.message
+        if message is not None and message is self._asked:  # Ctrl+S answers whether to save, and what was asked goes on
+            self._session.notices.answer(0)
+        elif self._session.scene is None:
             self._session.notices.toast("Nothing to save yet: open a scan first", subject=ToastSubject.NOTHING_OPEN)
         elif work.project is None:
             path = work.project_path
@@ -162,8 +164,7 @@ class ProjectFlow:
     def save_as(self, then: Callable[[], object] = lambda: None) -> None:
         """Asks for a file, and saves the project in it."""
         if self._session.scene is None:
-            self._session.notices.toast("Nothing to save yet: open a scan first", subject=ToastSubject.NOTHING_OPEN)
-            return
+            return self.save(then)
         path = self._session.work.project_path
         name = path.name if path is not None else f"project{SUFFIX}"
         self._files.save("projects", "Save the project", name, _KIND, lambda chosen: self._write(chosen, then))
@@ -187,8 +188,7 @@ class ProjectFlow:
         if self._closed_with == before:
             self._closed_with = self._content
         waiting = self._saving
-        if waiting is not None and (
-                not (work.exact_points.busy or self._answering()) or monotonic() >= waiting.until):
+        if waiting is not None and (not (work.exact_points.busy or self._answering()) or monotonic() >= waiting.until):
             self._saving = None
             if waiting.history is not work.history:
                 return
@@ -211,8 +211,7 @@ class ProjectFlow:
 
     def remember(self, picture: np.ndarray | None) -> None:
         """Puts what is open among the recent scans: the project, or the scans.  picture: as for session.recent."""
-        session = self._session
-        shown, project = session.shown_scan, session.work.project
+        session, shown, project = self._session, self._session.shown_scan, self._session.work.project
         if session.scene is not None and shown.paths and not shown.preview:
             paths = list(shown.paths) if project is None else [project]
             remember(paths, self.name, session.scene.count, picture, session.work.as_saved(session.camera, *self._shown).view)
@@ -238,6 +237,7 @@ class ProjectFlow:
             what = f"Save {'' if lost else 'the changes to '}{self.name}?"
             ask(what, f"Discard loses {lost or 'everything since the last save'}{more}.", (
                 Answer("Save", lambda: self.save(lambda: self.leave(then))), Answer("Discard", give_up), Answer("Cancel")))
+            self._asked = self._session.notices.message
         elif answering:
             ask("Give up the measurement that is not ended?", "What was clicked last is being measured. Leaving loses it.", (
                 Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip

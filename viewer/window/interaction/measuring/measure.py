@@ -69,9 +69,8 @@ class Measure(Tool):
         if event.clicks == 2:  # its first click has set the last point
             self._finish(context)
             return False
-        picked = self._pointing.at(context, event.position)
+        picked = self._pointing.clicked(context, event.position)
         if picked is None:
-            context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
         before = [*self.points, *self._fitting.points]

@@ -48,9 +48,8 @@ class Notes(Tool):
         if (found := note_at(context, event.position, context.pixels(RADIUS))) is not None:
             self.chosen = found
             return False
-        picked = self._pointing.at(context, event.position)
+        picked = self._pointing.clicked(context, event.position)
         if picked is None:
-            context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
         if taken.note is not None:

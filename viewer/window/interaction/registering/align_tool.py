@@ -83,9 +83,8 @@ class Align(Tool):
         parts = self.parts(context)
         if event.button != "left" or event.clicks != 1 or not parts or (len(parts) < 2 and not self.levelling):
             return False
-        picked = self._pointing.at(context, event.position)
+        picked = self._pointing.clicked(context, event.position)
         if picked is None:
-            context.toast("No measured point here: this pixel is filled or background")
             return False
         of = next((number for number, part in enumerate(parts) if picked.scan in part.numbers), None)
         moves = of == self.moving

@@ -89,9 +89,8 @@ class SectionTool(Tool):
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.button != "left" or event.clicks != 1 or self.kind == "elevation":
             return False
-        picked = self._pointing.at(context, event.position)
+        picked = self._pointing.clicked(context, event.position)
         if picked is None:
-            context.toast("No measured point here: this pixel is filled or background")
             return False
         taken = context.session.work.exact_points.of(context, picked, lambda exact: self._arrived(picked, exact, context))
         place = np.array(taken.position)

@@ -86,10 +86,10 @@ class Select(Tool):
             return True
         if event.kind != "release" or event.button != "left" or event.clicks != 1:
             return False
-        picked = self._pointing.at(context, event.position)
+        picked = self._pointing.clicked(context, event.position)
         if picked is None:
-            context.toast("No measured point here: this pixel is filled or background")
-        elif self.shape == "box":
+            return False
+        if self.shape == "box":
             self.box.put(context, picked.position)
         elif self.shape == "plane":
             self._how = self._how if self.places else how
