@@ -63,6 +63,10 @@ class Page:
         for kind in ("keyDown", "keyUp"):
             self._ask("Input.dispatchKeyEvent", type=kind, key=name, **(more if kind == "keyDown" else {}))
 
+    def screenshot(self):
+        """The window as PNG, base64."""
+        return self._ask("Page.captureScreenshot", format="png")["data"]
+
     def close(self):
         self._process.kill()
         self._process.wait()

@@ -243,3 +243,19 @@ def test_the_example_in_the_documentation_runs():
     runner = doctest.DocTestRunner(verbose=False)
     runner.run(example, out=said.append)
     assert runner.tries >= 10 and not runner.failures, "".join(said)
+
+
+def test_a_scan_publishes_itself_as_the_command_does(tmp_path, seed):
+    write_ply(tmp_path / "room.ply", *unpack(room(seed, 20_000))[:2])
+    with pointglass.open(tmp_path / "room.ply") as scan:
+        assert scan.publish(tmp_path / "python", places=1, view="filled", title="Room") == 1
+        (tmp_path / "thesis.txt").write_text("")
+        for folder, view in ((tmp_path, "filled"), (tmp_path / "new", "raw")):
+            with pytest.raises(pointglass.InputError, match=r"other files|view"):
+                scan.publish(folder, view=view)
+    command = ["publish", str(tmp_path / "room.ply"), "--out", str(tmp_path / "command"), "--view", "filled", "--places", "1",
+               "--title", "Room"]
+    assert main(command) == 0
+    mine, its = (sorted(file for file in (tmp_path / name).rglob("*") if file.is_file()) for name in ("python", "command"))
+    assert [file.name for file in mine] == [file.name for file in its] and len(mine) == 8
+    assert all(one.read_bytes() == other.read_bytes() for one, other in zip(mine, its, strict=True))

@@ -211,6 +211,21 @@ class Scan:
             return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject, classes,
                                  splats, budget)
 
+    def publish(self, folder: PathLike, *, places: int | str = "auto", view: str = "neural", title: str = "") -> int:
+        """Writes a folder whose index.html shows panoramas in any browser, as ``pointglass publish``; returns how many places.
+
+        places: at most so many planned ones, or auto or stations.  title: of the page; "": the scan's name.
+        Raises InputError, one line, where the folder holds other files or another publication is being written into it.
+        """
+        from .publish_folder import publish_folder
+
+        scene = self._open
+        with python_names(), self._turn():
+            context, renderer = self._drawing or self._begin(scene)
+            with context:
+                named = title or self._name.rpartition(".")[0]
+                return publish_folder(scene, renderer, path_of(folder), places, view, named, prepare_network)
+
     def fit(self, position: npt.ArrayLike, kind: Literal["plane", "pipe", "circle"] = "plane") -> Fit:
         """The surface of a kind at a place on the scan, from all of it that is measured, with its uncertainty at 95 %.
 

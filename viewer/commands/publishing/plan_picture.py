@@ -15,7 +15,7 @@ _STOREY = 1.8
 """Metres between the floors of two storeys, at least."""
 _MARGIN = 1.0
 """Metres around what is shown."""
-_REACH = 8.0
+_REACH = 4.0
 """Metres around the places that are shown: what is seen through a window would make the rooms small."""
 _FULL = 0.985
 """Quantile of the counts of occupied pixels that is drawn fully opaque."""

@@ -8,7 +8,7 @@ import { type LoadedPlace, Visits } from "./visit";
 export const HOP = 360; // milliseconds
 const SLOW = 36; // milliseconds of a picture above which there are fewer pixels, below half of which more
 const PICTURES = 5; // whose mean counts
-const COARSEST = 0.4;
+const COARSEST = 0.5; // fewer pixels gain little: the browser puts the page together at full size (software WebGL, 1280x720)
 const REST = 200; // milliseconds without a picture that count as rest
 const FREE = 0.93; // share of the distance that must be free between two places for one to walk, not fade, from one to the other
 const STEEPEST = (88 * Math.PI) / 180;
