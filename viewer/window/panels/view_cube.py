@@ -14,6 +14,8 @@ from ..session.session import Session
 
 SIDE, RIGHT, TOP = 92.0, 62.0, 10.0
 """Design units: of the square that holds the cube, from the right edge past the buttons of the corner, and from the top."""
+_NARROW = 560.0
+"""Design units: width of the picture below which the cube would lie on the view switch."""
 _REACH = 1.78
 """Half the square in half sides of the cube, whose corners reach to the square root of three."""
 _LABELLED = 0.65
@@ -25,6 +27,8 @@ def draw_view_cube(session: Session, actions: Actions, style: Theme) -> None:
     if session.scene is None or not session.area.panels.cube:
         return
     px, area = style.px, session.area.layout.uncovered
+    if area.width < px(_NARROW):
+        return
     side = px(SIDE)
     left, top = area.right - px(RIGHT) - side, area.top + px(TOP)
     imgui.set_next_window_pos(ImVec2(left, top))
