@@ -4,11 +4,16 @@ distances that are known."""
 import json
 
 import chromium
+import firefox
 import numpy as np
 import pytest
 from test_publish import EYE, OFFSET, SIZE, project, publish, room
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no Chromium on this machine (apt-get install chromium)")
+BROWSERS = {
+    name: pytest.param(module, count, id=name, marks=pytest.mark.skipif(
+        module.PROGRAM is None, reason=f"no {name} on this machine (apt-get install {package})"))
+    for name, module, package, count in (("chromium", chromium, "chromium", 20), ("firefox", firefox, "firefox-esr xvfb", 6))}
+"""The page, and how many distances are measured in it."""
 AIM = """(async () => {
   const { view } = window.pointglass, { axes, origin } = view.scene, p = %s;
   const at = [0, 1, 2].map((j) => [0, 1, 2].reduce((sum, k) => sum + axes[k][j] * (p[k] - origin[k]), 0));
@@ -36,12 +41,18 @@ def aimed(page, point, aside):
     return [round(value) for value in page.value(AIM % (json.dumps(list(point)), aside))]
 
 
-def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    site = tmp_path / "site"
-    done = publish(project(tmp_path, room(tmp_path / "room.laz", seed)), "--out", site, "--view", "filled")
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    done = publish(project(folder, room(folder / "room.laz", 5)), "--out", folder / "site", "--view", "filled")
     assert done.returncode == 0, done.stderr
-    page = chromium.Page(tmp_path / "profile")
+    return folder / "site"
+
+
+@pytest.mark.parametrize(("browser", "distances"), BROWSERS.values())
+def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, seed, site, browser, distances):
+    rng = np.random.default_rng(seed)
+    page = browser.Page(tmp_path / "profile")
     try:
         page.open((site / "index.html").as_uri())
         page.until("document.body && document.body.classList.contains('ready')")
@@ -56,7 +67,7 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         hidden = "document.querySelectorAll('.note, #plan').forEach((each) => each.style.display = 'none')"
         page.value(hidden)  # they take clicks
         errors = []
-        for count in range(20):
+        for count in range(distances):
             ends = surface_point(rng), surface_point(rng)
             for clicked, end in enumerate(ends, 1):
                 page.click(*aimed(page, end, rng.uniform(-0.3, 0.3)))
@@ -64,10 +75,11 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
             _, value, stated = page.value(MADE)[-1]
             assert stated < 0.06
             errors.append(abs(value - np.linalg.norm(ends[1] - ends[0])) / stated)
-        assert (np.array(errors) <= 1).sum() >= 17 and max(errors) < 3, errors  # 95 % of them: fewer than 17 once in 400 runs
+        # 95 % of them: fewer than 17 of 20 once in 60 runs, of 6 fewer than 4 once in 450
+        assert (np.array(errors) > 1).sum() <= (3 if distances == 20 else 2) and max(errors) < 3, errors
         page.click(*aimed(page, OFFSET + (6.0, 2.0, 1.3), 0.1))
         page.until("document.getElementById('message').textContent.startsWith('Nothing was measured there')")
-        assert len(page.value(MADE)) == 20
+        assert len(page.value(MADE)) == distances
 
         page.key("m")
         aimed(page, OFFSET + EYE + (1.6, 0.4, 0.1), 0.0)
@@ -75,7 +87,8 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         page.until("window.pointglass.view.index === 1 && location.hash.startsWith('#place=2')")
         assert page.value("document.getElementById('place').textContent").startswith("</script>")
         assert page.value("document.querySelectorAll('#lists img, #overlay img, header img').length") == 0
-        page.value("document.querySelector('#lists .given').click(); document.querySelectorAll('.note')[1].click()")
+        for shown in ("document.querySelector('#lists .given')", "document.querySelectorAll('.note')[1]"):
+            page.value(f"{shown}.click()")
         page.until("document.querySelectorAll('#note-picture:not([hidden]), .length.project').length === 2")
         assert page.value("document.querySelector('.length.project').textContent").startswith("6.00")
         drawn = "document.getElementById('note-small').getContext('2d').getImageData(9, 9, 1, 1).data"
@@ -84,6 +97,6 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         assert page.complaints == []
         folder = site.as_uri()
         outside = [address for address in page.requests if not address.startswith((folder, "data:", "blob:"))]
-        assert outside == [] and len(page.requests) >= 8
+        assert outside == [] and (len(page.requests) >= 8 or browser is firefox)  # which names no files that it reads
     finally:
         page.close()
