@@ -1,4 +1,4 @@
-"""The README's pictures, from the demo scan: ``.venv/bin/python .ci/readme_pictures.py [picture|animation|station]``.
+"""The README's pictures, from the demo scan: ``.venv/bin/python .ci/readme_pictures.py [picture|animation|station|publish]``.
 
 The picture shows the first demo camera in all four views.  The animation moves a handle across the picture, from raw to neural.
 """
@@ -19,6 +19,7 @@ SIZE = (640, 480)
 PICTURE = Path("readme") / "four-views.jpg"
 ANIMATION = Path("readme") / "handle.gif"
 STATION = Path("readme") / "station.gif"
+PUBLISH = Path("readme") / "publish.gif"
 FRAMES = 28
 """From one side to the other; the way back is the same frames."""
 FRAME_MS, REST_MS = 60, 1200
@@ -96,10 +97,11 @@ def _compared(left: np.ndarray, right: np.ndarray, column: int) -> Image.Image:
 
 
 def main(wanted: list[str]) -> int:
+    from publish_animation import write_publish_animation
     from station_animation import write_station_animation
 
     for name, write, path in (("picture", write_picture, PICTURE), ("animation", write_animation, ANIMATION),
-                              ("station", write_station_animation, STATION)):
+                              ("station", write_station_animation, STATION), ("publish", write_publish_animation, PUBLISH)):
         if not wanted or name in wanted:
             made = write(assets_dir() / path)
             print(f"{made}: {made.stat().st_size:,} bytes")
