@@ -22,6 +22,7 @@ import numpy as np
 from driver import Driver, middle
 
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.flight.framing import SIDES
 from pointglass.viewer.window.interaction.tool import Modifiers
 from pointglass.viewer.work.selecting.select_points import by_outline
 
@@ -81,6 +82,7 @@ class Monkey:
             (10, self.tool), (10, self.click), (8, self.drag), (5, self.double_click), (5, self.wheel), (8, self.fly),
             (3, self.key_of_view), (3, self.history), (3, self.window_key), (2, self.edit), (2, self.load), (1, self.close),
             (1, self.bad_file), (2, self.resize), (2, self.notice), (2, self.panel), (1, self.walk), (1, self.cancelled),
+            (3, self.projection),
         ]  # fmt: skip
         weights = np.array([weight for weight, _ in self.actions], float)
         self.weights = weights / weights.sum()
@@ -111,6 +113,16 @@ class Monkey:
             self.d.app.toolbox.select("scene", self.d.app.tools)
         else:
             self._press(self._pick(("I", "T", "B", "N", "C", "P", "M", "K", "ESCAPE")))
+
+    def projection(self) -> None:
+        """Orthographic or perspective, sides, and the view cube."""
+        how = self.rng.random()
+        if how < 0.4:
+            self._press("X")
+        elif how < 0.7:
+            self.d.app.act(f"from_{self._pick(tuple(SIDES))}")
+        elif any(region := tuple(self.rng.integers(-1, 2, 3).tolist())):
+            self.d.app.actions.turn_to(region)
 
     def click(self) -> None:
         self.d.app.input.on_pointer(self.d.app.window, *self._place())
