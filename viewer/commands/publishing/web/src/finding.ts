@@ -32,23 +32,22 @@ export async function lookAt(view: View, point: Vector): Promise<number> {
   return Math.hypot(x, y, z);
 }
 
-// Goes to a place that sees a note, looks at it and shows its text.  Returns words.
-export async function openNote(view: View, index: number): Promise<string> {
-  const note = view.scene.notes[index];
-  const away = await lookAt(view, note.position);
-  showNote(view.scene.notes, index);
-  return `${note.title}, ${far(view.scene, away)} away`;
+// Goes to a place that sees a note, looks at it and shows its text.
+export async function openNote(view: View, index: number): Promise<void> {
+  const away = await lookAt(view, view.scene.notes[index].position);
+  showNote(view.scene.notes, index, ` · ${far(view.scene, away)} away`);
 }
 
 let shown = -1;
 
-export function showNote(notes: NoteData[], index: number): void {
+export function showNote(notes: NoteData[], index: number, more = ""): void {
   const note = notes[index];
   shown = index;
   by("note-title").textContent = note.title;
-  by("note-status").textContent = note.status;
+  by("note-status").textContent = note.status + more;
   by("note-dot").style.background = note.colour;
-  by("note-text").textContent = note.text;
+  const [first, ...rest] = note.text.trim().split("\n");
+  by("note-text").textContent = first.trim() === note.title ? rest.join("\n") : note.text; // the title is its first line
   const link = by<HTMLAnchorElement>("note-link");
   link.hidden = !/^https?:\/\//i.test(note.link);
   link.textContent = note.link;

@@ -58,8 +58,8 @@ async function start(): Promise<void> {
   });
   const overlay = new Overlay(view, by("overlay"), () => measuring.made, (index) => showNote(scene.notes, index));
   panel.current = new Panel(view, measuring, by("lists"));
-  panel.current.openNote = (index) => void openNote(view, index).then(say);
-  panel.current.openMeasurement = (index) => void lookAt(view, scene.measurements[index].label);
+  panel.current.openNote = (index) => (uncover(), void openNote(view, index));
+  panel.current.openMeasurement = (index) => (uncover(), void lookAt(view, scene.measurements[index].label));
   panel.current.showMeasurements = (on) => {
     overlay.shown = on;
     view.redraw();
@@ -104,6 +104,13 @@ function later(view: View, measuring: Measuring): void {
     for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.prepare(index);
     if (view.place === place) await view.visits.full(place);
   }, 60);
+}
+
+// On a phone the list covers what is gone to.
+function uncover(): void {
+  if (!window.matchMedia("(max-width: 759px)").matches) return;
+  document.body.classList.remove("listed");
+  toggle("list", false);
 }
 
 function tools(view: View, measuring: Measuring): void {
