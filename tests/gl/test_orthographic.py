@@ -151,6 +151,7 @@ def test_picks_and_selections_are_exact(renderer_of, seed):
             assert picked is not None and picked.pixel == (column, row)
             assert np.abs(at[picked.index] - (column + 0.5, row + 0.5)).max() <= 0.53
             front = depth[row, column]
+            assert picked.distance == pytest.approx(away[picked.index], rel=1e-9), "along the parallel ray"
             assert abs(away[picked.index] - front) <= max(0.011 * camera.orthographic, 1.1 * scene.spacing)
         corners = np.array([(0, 0), (319, 20), (200, 130), (300, 239), (20, 200)]) + rng.uniform(0, 20, (5, 2))
         hits = by_outline(scene, camera, corners)

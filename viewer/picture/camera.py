@@ -156,6 +156,11 @@ class Camera:
         """Degrees from the top edge to the bottom edge."""
         return float(np.degrees(np.arctan(self.cy / self.fy) + np.arctan((self.height - self.cy) / self.fy)))
 
+    def sight_of(self, point: np.ndarray) -> np.ndarray:
+        """(3,) file units: from where the ray through a point, (3,) file coordinates, begins, to the point."""
+        away = np.asarray(point, np.float64) - self.position
+        return away if self.orthographic is None else self.forward * float(away @ self.forward)
+
     def project(self, points) -> tuple[np.ndarray, np.ndarray]:
         """Where world points appear in the picture.
 

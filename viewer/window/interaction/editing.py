@@ -147,6 +147,6 @@ def measured_point(context: "ToolContext", picked: Picked) -> MeasuredPoint:
     assert scene is not None
     around = surface_around(scene, picked.position)
     spacing = around.spacing if np.isfinite(around.spacing) else scene.spacing
-    beyond = beyond_silhouette(in_scene(scene, place, drawn_points(context)), spacing, place - context.camera.position)
+    beyond = beyond_silhouette(in_scene(scene, place, drawn_points(context)), spacing, context.camera.sight_of(place))
     return MeasuredPoint(picked.position, spacing, around.noise, picked.station,
                          beyond=None if beyond is None else vector(beyond))

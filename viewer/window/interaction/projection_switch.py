@@ -20,8 +20,9 @@ def change_projection(context: "ToolContext") -> None:
     if session.flight.orthographic is None:
         session.flight.to_orthographic(depth)
         said = "Orthographic: drag to orbit, right drag to pan, the wheel zooms; X for perspective"
-        if context.viewport.frame is not None and context.viewport.frame.facts.photographs:
-            said += ". Photographs do not colour it"
+        coloured = context.viewport.frame is not None and context.viewport.frame.facts.photographs
+        if coloured or session.work.photo is not None:
+            said += ". Photographs show in perspective only"
     else:
         session.flight.to_perspective(depth)
         said = "Perspective"

@@ -59,6 +59,7 @@ class WalkMode:
         if self._map is None:
             self._fly(context, "No walking here: the points in sight are too far apart to tell a step from a wall")
             return
+        flight.to_perspective()  # nobody stands where an orthographic camera is
         walker = stand(self._map, flight.state)
         if walker is None:
             self._fly(context, "No floor below: still flying")

@@ -85,12 +85,15 @@ class SaveActions:
 
     def panorama(self, size: tuple[int, int]) -> Path | None:
         """Begins a 360-degree picture around the camera, ``size`` pixels.  Returns its path, None where there is none."""
+        if self._session.flight.orthographic is not None:
+            self._session.notices.toast("A panorama is made in perspective: press X first")
+            return None
         try:
             with ExitStack() as name:
                 path = name.enter_context(capture.stamped("pointglass-panorama", ".png", self.folder))
                 shot = shot_of(self._session, path.stem)
                 if shot is None or self._session.scene is None:
-                    self._session.notices.toast("A panorama shows no tint and no photograph: put them away first")
+                    self._session.notices.toast("A panorama shows no tint, photograph or comparison: put them away first")
                     return None
                 return self._begin(StillJob(self._session.scene, shot, path, panorama=size), name)
         except PointglassError as error:

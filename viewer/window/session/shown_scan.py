@@ -107,7 +107,7 @@ class ShownScan:
         self._chosen = self.start is None and document.view is None
         if self.start is not None:
             state, self.start = _at(self.start, state), None
-        if document.view is not None:
+        if document.view is not None and document.view.orthographic is None:  # Home is a place in perspective
             state = _at(document.view.camera(16, 9), state)
         self._flight.begin(state, self._seen)
         resume, self.resume = self.resume, None

@@ -283,7 +283,7 @@ class Viewport:
         spec, photo = self._session.picture.spec, self._session.work.photo
         assert self.frame is not None and spec is not None
         made = self._composer.texture(self._moved_frame or self.frame if moved else self.frame, view, spec)
-        if photo is None or self.renderer is None:
+        if photo is None or self.renderer is None or spec.camera.orthographic is not None:
             return made
         return self.photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene,
                                  wait=wait)

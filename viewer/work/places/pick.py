@@ -58,10 +58,10 @@ class Surface:
 
 @dataclass(frozen=True)
 class Picked:
-    """A measured point.  index: its number in the scene.  position: file coordinates.  distance: from the camera, file
-    units.  rgb: sRGB levels as drawn.  intensity: in the file's values, None where the scan has none.  scan: its number;
-    station: that scan's name.  pixel: column and row of the picture in which it was found.  classification: LAS code, None
-    where the scan has none.
+    """A measured point.  index: its number in the scene.  position: file coordinates.  distance: from the camera, along the
+    ray, file units.  rgb: sRGB levels as drawn.  intensity: in the file's values, None where the scan has none.  scan: its
+    number; station: that scan's name.  pixel: column and row of the picture in which it was found.  classification: LAS code,
+    None where the scan has none.
     exact: whether position, intensity and classification are those of the file, not rounded by the grid; then ``attributes``
     are all others, by name.  note: why they cannot be read from the file, and how precise they are."""
 
@@ -158,7 +158,7 @@ def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int
     xyz, rgb, _, _ = unpack(scene, slice(index, index + 1))
     x, y, z = (float(value) for value in xyz[0])
     red, green, blue = (int(value) for value in rgb[0])
-    distance = float(np.linalg.norm(xyz[0] - camera.position))
+    distance = float(np.linalg.norm(camera.sight_of(xyz[0])))
     known, number = attributes_of(scene, slice(index, index + 1)), int(FileRecords(scene).stations(slice(index, index + 1))[0])
     intensity, classes = known.intensity, known.classification
     level = None if intensity is None else scene.attributes.in_file(int(intensity[0]))
@@ -181,7 +181,7 @@ def exactly(scene: "Scene", camera: "Camera", picked: Picked) -> Picked:
     intensity, classes = columns.pop("intensity", None), columns.pop("classification", None)
     if values.rgb is not None and picked.rgb != tuple(values.rgb[0].tolist()):
         columns["colour in the file"] = values.rgb[0].tolist()
-    return replace(picked, position=(x, y, z), distance=float(np.linalg.norm(values.xyz[0] - camera.position)),
+    return replace(picked, position=(x, y, z), distance=float(np.linalg.norm(camera.sight_of(values.xyz[0]))),
                    intensity=intensity, classification=classes, exact=True, attributes=columns)
 
 

@@ -176,7 +176,7 @@ class Select(Tool):
                 return
             normal = normal / np.linalg.norm(normal)
             upright = abs(float(normal @ up)) < 0.05  # 3 degrees from upright: it has a near side, not an upper one
-            towards = context.camera.position - place if upright else up
+            towards = -context.camera.sight_of(place) if upright else up
             normal = normal * (1.0 if normal @ towards >= 0 else -1.0)
         normal = -normal if self.other_side else normal
         self.start(context, lambda: beside_plane(scene, place, normal), self._how)
