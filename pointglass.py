@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from .viewer.interface.compare_scans import compare
     from .viewer.interface.from_points import from_points
     from .viewer.interface.measured_points import Points
+    from .viewer.interface.notebook.published_frame import show_published
     from .viewer.interface.open_scan import Scan, open
     from .viewer.interface.pictures import Frame, Picture
     from .viewer.interface.place_camera import look_at, orthographic, read_cameras, write_cameras
@@ -97,7 +98,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PROVENANCE", "Camera", "DeviceError", "Distances", "Fit", "Frame", "InputError", "Photograph", "Picture",
     "PointglassError", "Points", "RenderSettings", "Scan", "__version__", "compare", "demo_scan", "from_points", "look_at",
-    "open", "orthographic", "read_cameras", "write_cameras",
+    "open", "orthographic", "read_cameras", "show_published", "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
@@ -107,6 +108,7 @@ _MODULES = {
     "interface.compare_scans": ["compare"],
     "interface.from_points": ["from_points"],
     "interface.measured_points": ["Points"],
+    "interface.notebook.published_frame": ["show_published"],
     "interface.open_scan": ["Scan", "open"],
     "interface.scan_photographs": ["Photograph"],
     "interface.pictures": ["Frame", "Picture"],

@@ -58,6 +58,16 @@ class Page:
             button = "none" if kind == "mouseMoved" else "left"
             self._ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1)
 
+    def drag(self, x, y, to_x, to_y, steps=8):
+        self._ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+        for step in range(1, steps + 1):
+            at = x + (to_x - x) * step / steps, y + (to_y - y) * step / steps
+            self._ask("Input.dispatchMouseEvent", type="mouseMoved", x=at[0], y=at[1], button="left", buttons=1)
+        self._ask("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+
+    def wheel(self, x, y, down):
+        self._ask("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
+
     def key(self, name):
         more = {"windowsVirtualKeyCode": _KEYS[name]} if name in _KEYS else {"text": name}
         for kind in ("keyDown", "keyUp"):

@@ -23,15 +23,15 @@ from .arguments import PathLike, RenderSettings, cameras_of, memory_of, path_of,
 from .facts_table import facts_table
 from .measured_points import Points
 from .pictures import Frame, Picture, as_picture
+from .scan_outputs import ScanOutputs
 from .scan_photographs import Photograph, photographs_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
     from ..render.renderer import Renderer
-    from ..work.fits.fit import Fit
 
 
-class Scan:
+class Scan(ScanOutputs):
     """An open scan; made by :func:`open` or :func:`from_points`.  A context manager: leaving it closes the scan.
 
     The first picture makes an OpenGL context without a window, which lives until :meth:`close`.  A scan makes all its pictures
@@ -186,31 +186,6 @@ class Scan:
         finally:
             self._busy.release()
 
-    def export(
-        self, path: PathLike, *, clip: npt.ArrayLike | None = None, stations: Iterable[int] | None = None,
-        classes: Iterable[int] | None = None,
-        exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False, reproject: str | None = None,
-        splats: bool = False, budget: int | None = None,
-    ) -> int:  # fmt: skip
-        """Writes measured points as a LAS, LAZ, PLY or E57 file, by its ending; returns how many.  ``pointglass export`` too.
-        Names that end in .glb, .spz or splats.ply get Gaussian splats made from the points, with compensated exposures.
-
-        The scan's files are read again and whole records are copied: every attribute, and the colours of the file.  What the
-        format cannot hold is reported in one line to ``logging``, as a warning.  An existing file is replaced, in one step.
-        clip: (2, 3) lowest and highest corner in file coordinates, such as ``scan.bounds``, or (B, 2, 3) boxes that add up.
-        stations: rows of :attr:`stations` whose points are written; None: all.  classes: codes of LAS likewise.
-        exposures: matched writes the colours as they are drawn.  all_columns: PLY: also columns besides coordinates, colour,
-        intensity, scan and class.
-        reproject: an EPSG code, "EPSG:25832", into whose coordinates the points are transformed; "auto": the UTM zone.
-        splats: PLY: splats whatever the name.  budget: splats at most; None: two million.
-        Raises InputError naming the argument; then nothing is left behind.
-        """
-        from .export_points import export_points
-
-        with python_names():
-            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject, classes,
-                                 splats, budget)
-
     def publish(self, folder: PathLike, *, places: int | str = "auto", view: str = "neural", title: str = "") -> int:
         """Writes a folder whose index.html shows panoramas in any browser, as ``pointglass publish``; returns how many places.
 
@@ -225,17 +200,6 @@ class Scan:
             with context:
                 named = title or self._name.rpartition(".")[0]
                 return publish_folder(scene, renderer, path_of(folder), places, view, named, prepare_network)
-
-    def fit(self, position: npt.ArrayLike, kind: Literal["plane", "pipe", "circle"] = "plane") -> Fit:
-        """The surface of a kind at a place on the scan, from all of it that is measured, with its uncertainty at 95 %.
-
-        position: (3,) file coordinates; the nearest measured point counts.  Its radius, direction and uncertainties are fields
-        of what is returned.  Raises PointglassError where nothing of this kind lies there.
-        """
-        from .fit_surface import fit_surface
-
-        with python_names():
-            return fit_surface(self._open, position, kind)
 
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.

@@ -61,7 +61,7 @@ def test_a_file_of_ours_lies_where_the_scan_was(tmp_path, seed):
     export(Selection.in_sight(scan, NO_EDITS), tmp_path / "b.ply", splats=True, budget=2000)
     scene = open_scene(tmp_path / "b.ply", cache=False)
     xyz, rgb, *_ = unpack(scene)
-    assert (xyz >= [500_000, 5_000_000, 29.999]).all() and (xyz <= [500_008, 5_000_004, 30.001]).all()
+    assert (xyz >= [499_999.99, 4_999_999.99, 29.99]).all() and (xyz <= [500_008.01, 5_000_004.01, 30.01]).all()
     assert np.ptp(xyz, axis=0)[0] > 7.8 and np.abs(rgb - 40_000 / 257).max() < 1
     assert not [text for text in scene.meta.warning_texts if "shown as points" not in text]
     assert export(Selection.in_sight(scene, NO_EDITS), tmp_path / "c.laz") == len(xyz)

@@ -23,6 +23,10 @@ CHANNELS = 1.5
 """Variance of a channel's noise in that of luma: 1 where channels err alike, 2.2 where they err independently."""
 NEAR = 0.5
 """Distance from a viewpoint, in the median distance of the cells, within which nearer counts for little more.  By hand."""
+TIES = 4.0
+"""Factor within which errors are spread by a hash of the cell.  Alike cells, as of a plain wall, would be divided all at once,
+and much of the budget be left over.  Where nothing else differs, a level has 4 times the error of the one below.  On kitchen
+and staircase2 it changes PSNR by less than 0.05 dB."""
 _LEAST_ROWS = 1 << 13
 _BINS = 8192
 """Steps of a histogram of errors, by equal factors."""
@@ -60,7 +64,9 @@ def errors_of(level: Level, viewpoints: np.ndarray, reach: float, range_noise: f
     in_rows(len(level), _LEAST_ROWS, flatness, level.places, level.side, range_noise, relief)
     error = np.maximum(colour, 0) + RELIEF * relief + PLAIN
     error[count < 2] = PLAIN
-    return (error * level.side**2 * seen_share(centres_of(level), viewpoints, reach)).astype(np.float32)
+    mixed = (level.keys.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(40)
+    uneven = TIES ** (mixed / 2.0**24)
+    return (error * level.side**2 * seen_share(centres_of(level), viewpoints, reach) * uneven).astype(np.float32)
 
 
 def seen_share(places: np.ndarray, viewpoints: np.ndarray, reach: float) -> np.ndarray:
