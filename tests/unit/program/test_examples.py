@@ -23,6 +23,7 @@ RESULTS = {
     "points_from_numpy": {"sphere.png"},
     "read_points": {"points.npz", "heights.png"},
     "render_picture": {"raw.png", "filtered.png", "filled.png", "neural.png"},
+    "splats_and_notebook": {"demo.glb", "corner.splats.ply"},
 }
 """Script -> what it leaves in its folder."""
 SAID = {
@@ -30,7 +31,7 @@ SAID = {
     "exchange_cameras": "3 cameras; poses differ by at most", "export_selection": "points in a quarter",
     "film_along_keyframes": "walk.mp4", "measure_room": "height  2.70", "points_from_numpy": "150,000 points, 2 stations",
     "read_points": "13,500 points read",
-    "render_picture": "4 pictures",
+    "render_picture": "4 pictures", "splats_and_notebook": "splats of a corner",
 }  # fmt: skip
 
 

@@ -1,17 +1,17 @@
 """The camera of a notebook's view: what mouse and keys do to it, and its pictures as JPEG.  Knows no widget and no kernel.
 
-Frame: as viewer.window.flight.navigation; pixels are logical ones of the page.
+Frame: file coordinates; ``upright`` turns the axes of a world whose z is up into those of the file.  Pixels are logical ones of
+the page.
 """
 
 import io
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...picture.camera import Camera, from_fov
-from ...window.flight.navigation import FlyState, Motion, changed_speed, step, view_along
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -29,8 +29,52 @@ _STEP = 0.25
 """Seconds of flight by one notch of the wheel."""
 _LONGEST = 0.5
 """Seconds of held keys that one message counts for: after a pause of the kernel the camera does not leap."""
-FIELD_OF_VIEW = 60.0
-"""Degrees, vertical."""
+_LOOK = 0.0032
+"""Radians a pixel of mouse movement, as in the window."""
+_STEEPEST = np.radians(89.0)
+_FAST, _SLOW, _FASTER = 4.0, 0.25, 1.25
+_CROSSING = 12.0
+"""Seconds in which the scan is crossed."""
+_SPEEDS = (1e-4, 4.0)
+"""Slowest and fastest, in diagonals of the scan a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """position: (3,).  yaw: radians about up, 0 looks along the first axis of ``upright`` (3, 3).  pitch: positive looks up.
+    speed: file units a second."""
+
+    position: np.ndarray
+    yaw: float
+    pitch: float
+    speed: float
+    upright: np.ndarray
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) unit vector."""
+        level = np.cos(self.pitch)
+        return self.upright @ np.array([np.cos(self.yaw) * level, np.sin(self.yaw) * level, np.sin(self.pitch)])
+
+    @property
+    def right(self) -> np.ndarray:
+        """(3,) unit vector, level."""
+        return self.upright @ np.array([np.sin(self.yaw), -np.cos(self.yaw), 0.0])
+
+    @property
+    def camera_to_world(self) -> np.ndarray:
+        """(4, 4), OpenGL axes."""
+        matrix = np.eye(4)
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = self.right, np.cross(self.right, self.forward), -self.forward
+        matrix[:3, 3] = self.position
+        return matrix
+
+
+def pose_along(position: np.ndarray, direction: np.ndarray, speed: float, upright: np.ndarray) -> Pose:
+    """At ``position`` (3,), looking along ``direction`` (3,), not zero."""
+    x, y, z = upright.T @ (np.asarray(direction, np.float64) / np.linalg.norm(direction))
+    pitch = float(np.clip(np.arcsin(np.clip(z, -1, 1)), -_STEEPEST, _STEEPEST))
+    return Pose(np.array(position, np.float64), float(np.arctan2(y, x)), pitch, speed, upright)
 
 
 class GuidedView:
@@ -40,18 +84,24 @@ class GuidedView:
     """
 
     def __init__(self, scene: "Scene", render: Callable[..., Any], *, view: str, start: Camera | None, up: Any):
-        from ...window.flight.start_viewpoint import start_state, survey
-        from ...work.places.up_axis import upright_axes
+        from ...work.places.outside_view import outside_view
+        from ...work.places.standing_place import FIELD_OF_VIEW, sample_scene
+        from ...work.places.start_view import standing_view
+        from ...work.places.up_axis import turned, upright_axes
+        from ...work.scan_files import main_place
 
         self._render, self.view = render, view
-        seen = survey(scene)
-        self._limits = seen.limits
-        self._fov = FIELD_OF_VIEW
-        if start is None:
-            self.home: FlyState = start_state(scene, seen, 4 / 3, up)
-        else:
-            self.home = view_along(start.position, start.forward, seen.speed, upright_axes(up))
+        seen, upright = main_place(sample_scene(scene))[0], upright_axes(up)
+        self._limits = (_SPEEDS[0] * seen.diagonal, _SPEEDS[1] * seen.diagonal)
+        speed, self._fov = max(seen.diagonal / _CROSSING, 5 * seen.spacing), FIELD_OF_VIEW
+        if start is not None:
+            self.home = pose_along(start.position, start.forward, speed, upright)
             self._fov = float(np.degrees(2 * np.arctan(start.height / (2 * start.fy))))
+        elif (inside := standing_view(scene, seen, upright)) is not None:
+            self.home = pose_along(*inside, float(np.clip(speed, 0.8 * seen.metre, 4.0 * seen.metre)), upright)
+        else:
+            place, ahead = outside_view(turned(seen, upright), 4 / 3)
+            self.home = pose_along(upright @ place, upright @ ahead, speed, upright)
         self.state = self.home
         self.size = (960, 720)
 
@@ -72,19 +122,20 @@ class GuidedView:
         if event.get("home") is True:
             self.state = replace(self.home, speed=self.state.speed)
         look, pan = _numbers(event, "look", 2, (0.0, 0.0)), _numbers(event, "pan", 2, (0.0, 0.0))
-        still = replace(self.state, velocity=np.zeros(3))
-        state = step(still, Motion(look=(-look[0], -look[1])), 0.0)  # the scene follows the mouse
-        pixel = state.speed / max(self.size[1], 1)
-        across = -state.right * pan[0] + np.cross(state.right, state.forward) * pan[1]
         wheel, faster, seconds = (_numbers(event, name, 1, (0.0,))[0] for name in ("wheel", "faster", "seconds"))
-        pressed = event.get("keys") if isinstance(event.get("keys"), str) else ""
-        assert isinstance(pressed, str)
+        keys = event.get("keys")
+        pressed = keys if isinstance(keys, str) else ""
+        yaw = (self.state.yaw + _LOOK * look[0] + np.pi) % (2 * np.pi) - np.pi if look[0] else self.state.yaw
+        pitch = float(np.clip(self.state.pitch + _LOOK * look[1], -_STEEPEST, _STEEPEST))
+        state = replace(self.state, yaw=float(yaw), pitch=pitch)  # the scene follows the mouse
+        across = -state.right * pan[0] + np.cross(state.right, state.forward) * pan[1]
         ahead, right, up = (float(one in pressed) - float(other in pressed) for one, other in ("ws", "da", "eq"))
-        pace = state.speed * (4.0 if event.get("fast") is True else 1.0) * (0.25 if event.get("slow") is True else 1.0)
+        pace = state.speed * (_FAST if event.get("fast") is True else 1.0) * (_SLOW if event.get("slow") is True else 1.0)
         way = ahead * state.forward + right * state.right + up * state.upright[:, 2]
-        moved = across * pixel + state.forward * (np.clip(wheel, -20, 20) * _STEP * state.speed)
-        state = replace(state, position=state.position + moved + way * pace * np.clip(seconds, 0, _LONGEST))
-        self.state = changed_speed(state, float(np.clip(faster, -20, 20)), self._limits)
+        moved = across * (state.speed / self.size[1]) + state.forward * (np.clip(wheel, -20, 20) * _STEP * state.speed)
+        position = state.position + moved + way * pace * np.clip(seconds, 0, _LONGEST)
+        speed = float(np.clip(state.speed * _FASTER ** np.clip(faster, -20, 20), *self._limits))
+        self.state = replace(state, position=position, speed=speed)
 
     def picture(self, moving: bool) -> tuple[bytes, tuple[int, int]]:
         """The view as JPEG, and its size: a quick one while the camera moves, else as ``Scan.render`` makes it."""
