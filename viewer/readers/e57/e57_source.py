@@ -21,8 +21,9 @@ from .. import crs
 from ..column_source import RANGE_RUNS
 from ..record_blocks import RecordBlocks
 from ..sampling import interleaved
-from ..source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source, stretch
+from ..source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source
 from .e57_blocks import e57_blocks
+from .e57_conversion import converted
 from .e57_length import length_warning
 from .e57_nodes import check_prototypes, child, is_number, library, open_e57, point_vectors, pose_of, text_of, xml_of
 from .e57_packets import PacketReader, UnknownPacking
@@ -137,7 +138,7 @@ class E57Source(Source):
                 if scan.count:
                     if "intensity" in scan.fields and scan.intensity is None:  # here: a file has one reader at a time
                         self._measure_intensity(number, file)
-                    for columns in self._columns(number, scan.wanted, file):
+                    for columns in self._columns(number, scan.wanted, file, copied=False):
                         yield self._chunk(number, scan, columns, self._intensity_of(number, columns))
 
     def record_chunks(self) -> Iterator[Records]:
@@ -223,30 +224,24 @@ class E57Source(Source):
 
     def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], intensities: tuple[float, float]) -> Chunk:
         """columns: scaled, of ``scan.wanted``.  intensities: range that becomes the whole of uint16."""
-        size = len(columns[scan.coordinates[0]])
         valid = self.valid_records(number, columns)
-        if valid is not None:
-            columns = {name: values[valid] for name, values in columns.items()}
-        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped and counted by the grid
-            if scan.coordinates is _CARTESIAN:
-                local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
-            else:
-                r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
+        if scan.coordinates is _CARTESIAN:
+            local = tuple(columns[name] for name in _CARTESIAN)
+        else:
+            r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
+            with np.errstate(invalid="ignore", over="ignore"):  # the grid drops and counts values that are not finite
                 flat = r * np.cos(elevation)
-                local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], axis=1)
-            xyz = local if np.array_equal(scan.rotation, np.eye(3)) else local @ scan.rotation.T
-            xyz = xyz + scan.translation
-        rgb = intensity = None
-        if "colorRed" in columns:
-            rgb = stretch(np.stack([columns[name] for name in _RGB], axis=1), scan.zero, scan.full)
-            rgb = ((rgb + 128.0) / 257.0).astype(np.uint8) if scan.narrow else rgb
-            if _NO_COLOUR in columns:  # black, as points without colour are stored in other formats
-                rgb[columns[_NO_COLOUR] != 0] = 0
-        if "intensity" in columns:
-            intensity = stretch(columns["intensity"], *intensities)
-            if _NO_INTENSITY in columns:
-                intensity[columns[_NO_INTENSITY] != 0] = 0
-        return Chunk(xyz, rgb, intensity, number, size - len(xyz))
+                local = flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)
+        turned = not np.array_equal(scan.rotation, np.eye(3))
+        xyz, rgb, intensity = converted(
+            local, tuple(columns[name] for name in _RGB if name in columns), columns.get("intensity"),
+            columns.get(_NO_COLOUR), columns.get(_NO_INTENSITY), valid, shift=np.zeros(3) if turned else scan.translation,
+            colour_range=(scan.zero, scan.full), intensity_range=intensities, narrow=scan.narrow,
+        )  # fmt: skip
+        if turned:
+            with np.errstate(invalid="ignore", over="ignore"):
+                xyz = xyz @ scan.rotation.T + scan.translation
+        return Chunk(xyz, rgb, intensity, number, len(local[0]) - len(xyz))
 
     def valid_records(self, number: int, columns: dict[str, np.ndarray]) -> np.ndarray | None:
         """(n,) bool: which records are points, not directions without a return; None: all."""
@@ -292,8 +287,11 @@ class E57Source(Source):
         if number not in self._ranges:
             self._ranges[number] = range_of(found["intensity"] for found in self._columns(number, ["intensity"], file))
 
-    def _columns(self, number: int, names: list[str], file: Any = None) -> Iterator[dict[str, np.ndarray]]:
-        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time.  file: as opened; None: it is opened."""
+    def _columns(
+        self, number: int, names: list[str], file: Any = None, *, copied: bool = True
+    ) -> Iterator[dict[str, np.ndarray]]:
+        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time.  file: as opened; None: it is opened.
+        copied: False: arrays are valid until the next are read."""
         libe57 = library()
         done, count = 0, self._scans[number].count
         with open_e57(self.path) if file is None else nullcontext(file) as file:
@@ -310,7 +308,7 @@ class E57Source(Source):
                     if n == 0:
                         raise self._truncated(number, done)
                     done += n
-                    yield {name: array[:n].copy() for name, array in arrays.items()}
+                    yield {name: array[:n].copy() if copied else array[:n] for name, array in arrays.items()}
             finally:
                 if reader.isOpen():
                     reader.close()
