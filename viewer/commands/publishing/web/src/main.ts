@@ -14,6 +14,7 @@ import { View } from "./view";
 
 const RADIANS = Math.PI / 180;
 const PRELOADED = 3; // places whose first pictures are loaded ahead
+const WAITED = 3000; // milliseconds that what is loaded ahead waits for the view to rest, at most
 const SAID = 6000; // milliseconds that a message stays
 
 const by = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -101,8 +102,12 @@ function later(view: View, measuring: Measuring): void {
     if (view.tint) await view.visits.masks(place);
     if (view.second >= 0) await view.visits.other(place);
     await view.visits.prepare(place.index);
-    for (const { index } of nearest.slice(0, PRELOADED)) if (view.place === place && !view.going) await view.visits.prepare(index);
+    await view.stillness(WAITED);
     if (view.place === place) await view.visits.full(place);
+    for (const { index } of nearest.slice(0, PRELOADED)) {
+      await view.stillness(WAITED);
+      if (view.place === place && !view.going) await view.visits.prepare(index);
+    }
   }, 60);
 }
 

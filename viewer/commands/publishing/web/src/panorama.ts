@@ -325,9 +325,10 @@ export class Panorama {
     this.frames++;
   }
 
-  // Gives textures to the GPU one a picture, so that no picture waits for all of them.
-  async upload(textures: Texture[]): Promise<void> {
+  // Gives textures to the GPU one a picture, so that no picture waits for all of them.  ready: is awaited before each.
+  async upload(textures: Texture[], ready: () => Promise<void>): Promise<void> {
     for (const texture of textures) {
+      await ready();
       this.renderer.initTexture(texture);
       await new Promise(requestAnimationFrame);
     }

@@ -7,6 +7,8 @@ import { type LoadedPlace, Visits } from "./visit";
 
 export const HOP = 360; // milliseconds
 const SLOW = 36; // milliseconds of a picture above which there are fewer pixels, below half of which more
+const STILL = 150; // milliseconds without a picture after which what is loaded ahead disturbs nobody
+const UPLOAD = 400; // milliseconds that a texture waits for that, at most
 const PICTURES = 5; // whose mean counts
 const COARSEST = 0.5; // fewer pixels gain little: the browser puts the page together at full size (software WebGL, 1280x720)
 const REST = 200; // milliseconds without a picture that count as rest
@@ -42,7 +44,7 @@ export class View {
     this.visits = new Visits(scene, (place) => {
       if (place === this.place && !this.hop) this.panorama.stand(place.textures, this.position(place.index));
       this.redraw();
-    }, (textures) => panorama.upload(textures));
+    }, (textures) => panorama.upload(textures, () => this.stillness(UPLOAD)));
     new ResizeObserver(() => this.resize()).observe(panorama.canvas.parentElement!);
     this.resize();
   }
@@ -176,6 +178,12 @@ export class View {
     const canvas = this.panorama.canvas;
     this.panorama.draw(this.second < 0 ? -1 : this.second * canvas.width, this.tint, opacity);
     for (const tell of this.drawn) tell();
+  }
+
+  // Resolves once nothing moves, or after so many milliseconds.
+  async stillness(longest: number): Promise<void> {
+    const end = performance.now() + longest;
+    while (performance.now() - this.last < STILL && performance.now() < end) await new Promise((done) => window.setTimeout(done, 50));
   }
 
   get moving(): boolean {
