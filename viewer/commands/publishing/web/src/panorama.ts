@@ -325,6 +325,12 @@ export class Panorama {
     this.frames++;
   }
 
+  // Compiles the shaders of a hop, so that the first one does not wait for them.
+  warm(): void {
+    for (const layer of [this.over, ...this.behind]) layer.set(-1, 0, 1);
+    for (const scene of [this.overScene, ...this.behindScenes]) this.renderer.compile(scene, this.camera);
+  }
+
   // Gives textures to the GPU one a picture, so that no picture waits for all of them.  ready: is awaited before each.
   async upload(textures: Texture[], ready: () => Promise<void>): Promise<void> {
     for (const texture of textures) {
