@@ -305,9 +305,14 @@ def _quantiles(key: np.ndarray, values: np.ndarray, weights: np.ndarray) -> tupl
 
 def _smoothed(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Values averaged over 3 x 3 x 3 voxels with a binomial kernel and weights."""
-    from scipy.ndimage import convolve1d
-
     sums, total = values * weights, weights
     for axis in range(3):
-        sums, total = (convolve1d(a, [0.25, 0.5, 0.25], axis=axis, mode="nearest") for a in (sums, total))
+        sums, total = (_binomial(a, axis) for a in (sums, total))
     return sums / total
+
+
+def _binomial(values: np.ndarray, axis: int) -> np.ndarray:
+    """As scipy.ndimage.convolve1d with 1/4, 1/2, 1/4 and mode "nearest", to the bit; importing that takes 0.15 s."""
+    padded = np.pad(values, [(1, 1) if k == axis else (0, 0) for k in range(values.ndim)], mode="edge")
+    before, after = (np.take(padded, range(start, start + values.shape[axis]), axis) for start in (0, 2))
+    return 0.5 * values + (before + after) * 0.25

@@ -231,3 +231,14 @@ def test_info_shows_the_noise_and_colours_are_unchanged():
 def test_luma_weights_equal_the_networks():
     unet = pytest.importorskip("pointglass.model.network.unet")
     assert np.array_equal(LUMA, unet.LUMA)
+
+
+def test_smoothing_is_the_convolution_of_scipy_to_the_bit(seed):
+    from scipy.ndimage import convolve1d
+
+    rng = np.random.default_rng(seed)
+    for shape in ((1, 1, 1), (1, 2, 3), (17, 40, 5)):
+        values = rng.normal(size=shape)
+        for axis in range(3):
+            expected = convolve1d(values, [0.25, 0.5, 0.25], axis=axis, mode="nearest")
+            np.testing.assert_array_equal(module._binomial(values, axis), expected)

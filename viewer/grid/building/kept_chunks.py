@@ -21,8 +21,8 @@ from ...common.errors import InputError
 from ...common.progress import progress
 from ...readers.source import Chunk, Source
 
-MEMORY = 256 << 20
-"""Bytes of chunks kept in memory: 8 million points of a LAZ file.  None where the address space is limited."""
+MEMORY = 96 << 20
+"""Bytes of chunks kept in memory: 3 million points of a LAZ file.  None where the address space is limited."""
 _GRID_BYTES = 17
 """Bytes of a point in the grid, with its running number."""
 _SPARE = 256 << 20
