@@ -27,11 +27,12 @@ from .common.progress import progress
 from .common.replaced_files import replaced_told
 from .common.text import counted, escaped_output
 from .picture.settings import Settings
+from .readers.remote.address import is_address
 
 
 def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
-        if not any(other.exists() for other in options.scans):
+        if not any(other.exists() or is_address(other) for other in options.scans):
             raise InputError("no such file, folder or command (see `pointglass --help`)", file=path)
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
         from .work.project import check_projects
@@ -151,6 +152,8 @@ def _plain(options: argparse.Namespace) -> int:
         from .commands.report.command import run
     elif options.command == "align":
         from .commands.align import run
+    elif options.command == "info":
+        from .commands.show_info import run
     else:
         from .commands.comparing.command import run
     return run(options)
@@ -165,20 +168,6 @@ def _check_weights(settings: Settings) -> None:
         prepare_inference()
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)
-
-
-def _info(options: argparse.Namespace) -> int:
-    from .commands.info import facts, format_text, scene_of
-    from .work.project import is_project
-
-    if any(map(is_project, options.scans)):
-        from .commands.open_project import project_scene
-
-        scene = project_scene(options)
-    else:
-        scene = scene_of(options.scans, cache=not options.no_cache, columns=options.columns)
-    print(json.dumps(facts(scene), indent=1) if options.json else format_text(scene))
-    return 0
 
 
 def _convert(options: argparse.Namespace) -> int:
@@ -249,9 +238,9 @@ def _doctor(options: argparse.Namespace) -> int:
 
 _LONGEST = 1500  # characters of a message
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "video": _video, "publish": _publish, "info": _info, "convert": _convert,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "publish": _publish, "convert": _convert,
     "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
-    **dict.fromkeys(("export", "section", "report", "align", "compare"), _plain),
+    **dict.fromkeys(("info", "export", "section", "report", "align", "compare"), _plain),
 }
 
 

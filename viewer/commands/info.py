@@ -18,6 +18,7 @@ from ..picture.json_values import to_json
 from ..preprocess.point_attributes import described
 from ..preprocess.scan_description import ExposureSummary, ScanDescription
 from ..readers.e57.e57_pictures import StoredPicture, pictures_in
+from ..readers.remote.local_copies import shown_source
 from ..work.project import moves_of
 from ..work.reference import with_reference
 
@@ -48,7 +49,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
     meta = scene.meta
     low, high = scene.bounds.tolist()
     out = {
-        "sources": list(meta.sources),
+        "sources": list(map(shown_source, meta.sources)),
         "format": meta.format,
         "points": scene.count,
         "stations": "weighed" if stations_differ(scene.station_places) else "equal",
@@ -99,7 +100,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
     metres = meta.metres_per_unit
     lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
     rows = [
-        ("file", ", ".join(meta.sources) or "-"),
+        ("file", ", ".join(map(shown_source, meta.sources)) or "-"),
         ("format", meta.format),
         ("points", f"{scene.count:,}"),
         ("from", _vector(low)),

@@ -11,8 +11,10 @@ from typing import NoReturn
 
 from ..common.errors import InputError
 from ..picture.settings import CHOICES, MEMORY, Memory, Settings
-from ..readers.formats import KNOWN_FILES, KNOWN_FOLDERS, refuse_address
+from ..readers.formats import KNOWN_FILES, KNOWN_FOLDERS, check_address, refuse_address
 
+_SCANS = ("scans", "before", "after", "moving", "fixed", "tune", "data")
+"""Arguments that name scans, which may be addresses."""
 _VALUE = re.compile(r"-(?!-)")
 """What begins with one minus; two begin an option."""
 
@@ -42,10 +44,10 @@ class Parser(argparse.ArgumentParser):
             command = getattr(found, "command", None)
             of = f"{self.prog} {command}" if command else self.prog
             raise InputError(f"unrecognized arguments: {' '.join(left)} (see `{of} --help`)")
-        for value in vars(found).values():
+        for name, value in vars(found).items():
             for path in value if isinstance(value, list) else [value]:
                 if isinstance(path, Path):
-                    refuse_address(path)
+                    (check_address if name in _SCANS else refuse_address)(path)
         return found
 
     def _joined(self, args: Sequence[str]) -> list[str]:

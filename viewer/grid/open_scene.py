@@ -213,22 +213,28 @@ def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
                          remedy="set TMPDIR to a folder with more space") from None
 
 
-def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
+def as_paths(paths: Sequence[Path | str] | Path | str, *, fetch: bool = True) -> list[Path]:
     """The given path or paths as a list, each file once, however its path is spelt; a folder of scans stands for the scans in
-    it.  Raises InputError for an empty list."""
+    it, an address for its copy in the cache folder.
+
+    fetch: what is not in the copy yet is read from the address first; else the copy may have holes or not be there.
+    Raises InputError for an empty list, and for an address that cannot be read.
+    """
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given", remedy="name at least one file")
     from ..readers.formats import entry_of, scans_inside
+    from ..readers.remote.local_copies import local_files
 
-    return each_once(entry_of(file) for path in given for file in scans_inside(Path(path)) or [Path(path)])
+    local = local_files(map(Path, given), fetch=fetch)
+    return each_once(entry_of(file) for path in local for file in scans_inside(path) or [path])
 
 
 def moves_as(paths: Sequence[Path | str], transforms: "Sequence[Rows | None]") -> "Moves":
     """The transformations of the files that paths stand for, from those in their order; none where their numbers differ."""
     from ..readers.moved_source import moves_at
 
-    files = as_paths(paths) if any(transforms) else []
+    files = as_paths(paths, fetch=False) if any(transforms) else []
     return moves_at(files, transforms) if len(files) == len(transforms) else {}
 
 

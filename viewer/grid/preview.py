@@ -54,7 +54,7 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     from .open_scene import as_paths, scene_from_arrays, stated_facts
 
     try:
-        files = as_paths(paths)
+        files = as_paths(paths, fetch=False)
         if sum(_size(file) for file in files) < least_bytes:
             return None
         sources, _ = open_readable(files, columns, moves)

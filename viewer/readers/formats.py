@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..common.errors import InputError, Option
 from .grid_folder import is_grid
+from .remote.address import SCHEMES, address_in, is_address
 from .text.utf16 import as_utf8
 
 if TYPE_CHECKING:
@@ -123,11 +124,11 @@ def is_scan(path: Path) -> bool:
     if path.is_dir():
         return entry_of(path) != path
     suffix = path.suffix.lower()
-    return suffix not in _ANYTHING and any(suffix in row.suffixes for row in FORMATS) and path.is_file()
+    return suffix not in _ANYTHING and any(suffix in row.suffixes for row in FORMATS) and (path.is_file() or is_address(path))
 
 
-def refuse_address(path: Path) -> None:
-    """Raises InputError where ``path`` is an address, such as https://host/a.laz or s3://bucket/ept.json, and not a file."""
+def refuse_address(path: Path, why: str = "only scans are read from addresses") -> None:
+    """Raises InputError where ``path`` is an address, such as https://host/c.json, and not a file."""
     if path.exists():
         return
     address = str(path) if _GDAL_ADDRESS.match(str(path)) else None
@@ -136,8 +137,18 @@ def refuse_address(path: Path) -> None:
             raise InputError(f"file:///{match[2]}: give the path without file://")
         address = f"{match[1]}://{match[2]}"
     if address:
-        raise InputError(f"{address}: is an address; addresses are not read in this version, download it and give the path of "
-                         "the file or folder")  # fmt: skip
+        raise InputError(f"{address.split('?')[0]}: is an address; {why}, download it and give the path of the file or folder")
+
+
+def check_address(path: Path) -> None:
+    """Raises InputError where ``path`` is an address from which no scan can be read: of another scheme than SCHEMES, or of a
+    folder of many files."""
+    if (address := address_in(path)) is None:
+        refuse_address(path, f"scans are read from {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
+        return
+    if folder := next((row for row in FORMATS if row.entry and address.name == row.entry[0]), None):
+        raise InputError(f"{address.text}: {folder.names[0]} is a folder of many files, which is not read from an address",
+                         remedy="download the folder, or use a COPC file")
 
 
 def check_file(path: Path) -> None:

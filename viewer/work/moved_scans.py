@@ -14,6 +14,8 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from ..common.errors import InputError
+from ..readers.remote.address import address_in, is_address
+from ..readers.remote.local_copies import local_file
 
 ENDS = 64 << 10
 """Bytes at either end of a scan that are compared; headers and the last points differ between scans."""
@@ -47,6 +49,7 @@ class MissingScans(InputError):
 def size_of(path: Path) -> int | None:
     """Bytes of a file; None of a folder, and where there is nothing."""
     try:
+        path = local_file(path, fetch=False)
         return path.stat().st_size if path.is_file() else None
     except (OSError, ValueError):
         return None
@@ -56,6 +59,7 @@ def ends_of(path: Path) -> str:
     """SHA-256 of the first and the last ENDS bytes of a file, which tells scans of the same size apart without reading all of
     them; "" of a folder, and where it cannot be read."""
     try:
+        path = local_file(path, fetch=False)
         if not path.is_file():
             return ""
         stat = path.stat()
@@ -78,6 +82,8 @@ def place_of(path: str, project: Path, known: ScanPlace | None = None) -> ScanPl
     """The place of a scan, seen from the folder of a project file that is written.  known: what is known of the file that was
     loaded, or was recorded before.  Its size and checksum stay, whatever is at the path now: a file that has been replaced
     since is not the scan that the work belongs to."""
+    if (address := address_in(path)) is not None:
+        return ScanPlace(address.kept, "", size_of(Path(path)), ends_of(Path(path)))
     whole, folder = os.path.abspath(path), os.path.abspath(project.parent)
     try:
         relative = Path(os.path.relpath(whole, folder)).as_posix()
@@ -101,9 +107,11 @@ def places_from(data) -> list[ScanPlace]:
     return [place(row) for row in data] if isinstance(data, list) else []
 
 
-def found_scan(project: Path, stored: str, place: ScanPlace) -> Path:
-    """Where a scan is: ``stored`` where that is there, or nothing else is found.  stored: its path, absolute or relative to the
-    working folder."""
+def found_scan(project: Path, stored: str, place: ScanPlace) -> Path | str:
+    """Where a scan is: ``stored`` where that is there, is an address, or nothing else is found.  stored: its path, absolute or
+    relative to the working folder."""
+    if is_address(stored):
+        return stored
     first = Path(stored)
     if _exists(first):
         return first

@@ -20,6 +20,8 @@ from ...model.common.files.atomic_write import write_atomic
 from ..common.errors import InputError
 from ..common.rigid_transform import Rows
 from ..picture.json_values import from_json, to_json
+from ..readers.remote.address import address_in, is_address
+from ..readers.remote.local_copies import local_file
 from .document import Document, ScanFile, with_whole_names
 from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
@@ -112,7 +114,8 @@ def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
         document = document_from_json(data.get("document"))
     except InputError as error:
         raise InputError((error,), file=path) from None
-    document, found, places = with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
+    document = with_paths(document, lambda p: p if is_address(p) else str(path.parent / p))
+    found, places = [], places_from(data.get("places"))
     for scan, place in zip(document.scans, places + [ScanPlace()] * len(document.scans)):
         there = str(found_scan(path, scan.path, place))
         if there != scan.path and (path, there) not in _told:
@@ -128,14 +131,15 @@ def scans_of(path: Path, document: Document) -> list[Path]:
     scans = [Path(scan.path) for scan in document.scans if scan.visible]
     if not scans:
         raise InputError("no scan of this project is visible; nothing to open", file=path)
-    if missing := [scan for scan in scans if not scan.exists()]:
+    if missing := [scan for scan in scans if not (scan.exists() or is_address(scan))]:
         raise MissingScans(path, missing)
     return scans
 
 
 def moves_of(scans: typing.Iterable[ScanFile]) -> dict[str, Rows]:
     """The transformations of the scans of a document that have been moved, by real path (viewer.readers.moved_source)."""
-    return {os.path.realpath(scan.path): scan.transform for scan in scans if scan.transform is not None}
+    return {os.path.realpath(local_file(Path(scan.path), fetch=False)): scan.transform for scan in scans
+            if scan.transform is not None}
 
 
 def check_projects(paths: list[Path], *, ask: bool = False) -> None:
@@ -169,7 +173,10 @@ def document_from_json(data) -> Document:
 
 
 def _relative(path: str, folder: Path) -> str:
-    """A path as the project file stores it: relative to ``folder`` where at most MOST_UP folders up lead to it."""
+    """A path as the project file stores it: relative to ``folder`` where at most MOST_UP folders up lead to it; of an
+    address without a signature."""
+    if (address := address_in(path)) is not None:
+        return address.kept
     whole, base = Path(os.path.abspath(path)), Path(os.path.abspath(folder))
     for up, parent in enumerate((base, *base.parents)):
         if up <= MOST_UP and whole.is_relative_to(parent) and parent != parent.parent:

@@ -64,6 +64,10 @@ class LasSource(Source):
         if more > 0:
             self.warnings.append(surplus_warning(path, self.count))
 
+    def stated_bounds(self) -> np.ndarray:
+        """(2, 3): lowest and highest coordinates by the header."""
+        return np.array([self._header.mins, self._header.maxs], np.float64)
+
     def _open(self):
         import laspy
 

@@ -23,6 +23,7 @@ from ....model.common.system import lock_file, remove_lock_file
 from ...common.errors import InputError
 from ...common.state_files import read_state
 from ...picture.json_values import from_json, to_json
+from ...readers.remote.address import whole_path
 from ...work.document import Document
 from ...work.measuring.measurement import Begun
 from ...work.project import document_from_json, with_paths, write_durably
@@ -54,7 +55,7 @@ class UnsavedWork:
 
     def text(self) -> str:
         """The JSON that the autosave file holds."""
-        document = with_paths(self.document, os.path.abspath)
+        document = with_paths(self.document, whole_path)
         return json.dumps({"pointglass_autosave": VERSION, "title": self.title, "time": self.time, "project": self.project,
                            "digest": self.digest, "document": to_json(document), "begun": to_json(self.begun)},
                           allow_nan=False)

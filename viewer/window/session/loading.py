@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...common.errors import Cancelled, PointglassError
+from ...common.errors import Cancelled, InputError, PointglassError
 from ...preprocess.scan_description import ScanDescription, WarningTopic
 from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from .recovery import Recoverable
 
 
+_PREVIEW_POINTS = 400_000
+"""As many as a preview holds (viewer.grid.preview)."""
 _PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
@@ -71,12 +73,30 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
     from ...grid.open_scene import as_paths
     from ...readers.grid_folder import is_grid
 
-    files = as_paths(paths)
+    if not _upper_levels(paths):
+        return None
+    files = as_paths(paths, fetch=False)
     if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns, moves) / "meta.json").is_file()):
         return None
     from ...grid.preview import preview_scene as coarse
 
     return coarse(files, columns=columns, moves=moves)
+
+
+def _upper_levels(paths: Sequence[Path]) -> bool:
+    """Reads from addresses what a preview needs; False where that is as long as the whole file, or does not succeed, which the
+    complete load reports."""
+    from ...readers.remote.address import address_in
+
+    try:
+        for address in filter(None, map(address_in, paths)):
+            from ...readers.remote.fetch import coarse
+
+            if coarse(address, _PREVIEW_POINTS) is None:
+                return False
+    except InputError:
+        return False
+    return True
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:
@@ -121,7 +141,7 @@ def _is_in(scene: "Scene", file: Path) -> bool:
     """Whether a scene holds the points of a file, or of a folder of an octree."""
     from ...grid.open_scene import as_paths
 
-    return any(str(path.absolute()) in scene.meta.sources for path in as_paths(file))
+    return any(str(path.absolute()) in scene.meta.sources for path in as_paths(file, fetch=False))
 
 
 class ScanLoads:

@@ -18,6 +18,7 @@ from ....model.common.files.state_folder import state_dir
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.json_values import from_json, to_json
+from ...readers.remote.address import whole_path
 from ...work.viewpoint import Viewpoint
 
 MOST = 12
@@ -69,7 +70,7 @@ def _view(row: dict) -> Viewpoint | None:
 
 def last_view(paths: Sequence[Path]) -> Viewpoint | None:
     """Where the camera stood when these scans were left; None where that is not known."""
-    asked = tuple(str(path.absolute()) for path in paths)
+    asked = tuple(whole_path(path) for path in paths)
     return next((scan.view for scan in recent_scans() if scan.paths == asked), None)
 
 
@@ -78,7 +79,7 @@ def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | N
 
     What cannot be written is left out: closing a scan must not fail for want of a thumbnail.
     """
-    scan = RecentScan(tuple(str(path.absolute()) for path in paths), title, points, view)
+    scan = RecentScan(tuple(whole_path(path) for path in paths), title, points, view)
     before = recent_scans()
     kept = [scan, *(other for other in before if other.paths != scan.paths)][:MOST]
     try:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ....model.common.process.interrupts import finish_before_interrupt
 from ...picture.settings import MEMORY, Memory, Settings
+from ...readers.remote.address import is_address
 from ..file_dialog.choice_window import ChoiceWindow
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import POLL, STILL, Gamepad
@@ -109,7 +110,7 @@ class App:
     def _scan_folder(self) -> Path | None:
         """Where the first file of the scan lies; None without one."""
         paths = self.session.shown_scan.paths
-        return paths[0].absolute().parent if paths else None
+        return paths[0].absolute().parent if paths and not is_address(paths[0]) else None
 
     def _follow_gamepad(self) -> None:
         """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""

@@ -1,0 +1,62 @@
+"""What the header of a LAS, LAZ or COPC file at an address says, for ``pointglass info``: under a hundredth of a large file is
+read.  What only the points tell (their spacing, noise, classes) is unknown until the file is there."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..readers.las.las_source import LasSource
+from ..readers.remote.address import address_in
+
+
+def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
+    """Facts about one file at an address, with the keys of viewer.commands.info.facts (None: unknown) and ``read``, the share
+    of the file that was read; None where the points have to be read: of files here, of several, of other formats.
+
+    Raises InputError, one line, where the file cannot be had or is damaged.
+    """
+    address = address_in(paths[0]) if len(paths) == 1 else None
+    if address is None:
+        return None
+    from ..readers.formats import check_address
+    from ..readers.remote.fetch import described
+
+    check_address(paths[0])
+    if (found := described(address)) is None:
+        return None
+    source, share = LasSource(found[0]), found[1]
+    low, high = source.stated_bounds().tolist()
+    return {
+        "sources": [address.text],
+        "format": source.format,
+        "points": source.count,
+        "bounds": {"min": low, "max": high},
+        "size": [b - a for a, b in zip(low, high, strict=True)],
+        "spacing": None,
+        "units": source.units,
+        "metres_per_unit": source.metres_per_unit,
+        "crs": source.crs,
+        "noise": None,
+        "scans": [],
+        "warnings": source.warnings,
+        "read": share,
+    }
+
+
+def stated_text(facts: dict[str, Any]) -> str:
+    """The facts as lines for a terminal."""
+    corner = ["(" + ", ".join(f"{value:.12g}" for value in facts["bounds"][end]) + ")" for end in ("min", "max")]
+    metres = facts["metres_per_unit"]
+    rows = [
+        ("file", facts["sources"][0]),
+        ("format", facts["format"]),
+        ("points", f"{facts['points']:,}"),
+        ("from", corner[0]),
+        ("to", corner[1]),
+        ("size", " x ".join(f"{side:.4g}" for side in facts["size"])),
+        ("units", f"{facts['units']} ({f'1 unit = {metres:.10g} m' if metres else 'length not given by the file'})"),
+        ("CRS", facts["crs"] or "not given"),
+        *(("warning", text) for text in facts["warnings"]),
+        ("read", f"{100 * facts['read']:.2g} % of the file; its spacing, noise and classes are known once it is opened"),
+    ]
+    return "\n".join(f"{name:<8} {text}" for name, text in rows)

@@ -1,0 +1,34 @@
+"""Paths as files that can be read: an address stands for its copy in the cache folder."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from .address import address_in
+
+
+def local_file(path: Path, *, fetch: bool) -> Path:
+    """``path``, or the copy of the address that it is.  fetch: the copy is made complete first; else nothing is read.
+
+    Raises InputError, one line, where the file cannot be had; Cancelled.
+    """
+    if (address := address_in(path)) is None:
+        return path
+    from ..formats import check_address
+    from .fetch import fetched, local_path
+
+    check_address(path)
+    return fetched(address) if fetch else local_path(address)
+
+
+def shown_source(path: str) -> str:
+    """The address of which ``path`` is the copy, without its signature, else ``path``: for people."""
+    from .local_copy import read_state
+
+    file = Path(path)
+    state = read_state(file.parent) if (file.parent / "blocks").is_file() else None
+    return str(state["address"]) if state and state.get("name") == file.name else path
+
+
+def local_files(paths: Iterable[Path], *, fetch: bool) -> list[Path]:
+    """The same of several."""
+    return [local_file(path, fetch=fetch) for path in paths]

@@ -1,0 +1,162 @@
+"""A file at an address, read by ranges of bytes, by obstore (the Rust object_store): HTTP and S3 with the same calls.
+
+Requests that fail for a reason that may pass (a cut connection, a server that is busy, a wrong length) are repeated with
+growing pauses; what will not pass (403, 404) is one line.  Credentials of S3 come from the usual environment
+(AWS_ACCESS_KEY_ID, ...); without any, requests are not signed, as public buckets want it.
+"""
+
+import os
+import time
+from base64 import b64encode
+from collections.abc import Iterator
+from datetime import timedelta
+from typing import Any
+from urllib.parse import unquote
+
+from ...common.errors import InputError
+from .address import Address
+
+_ATTEMPTS = 5
+_FIRST_PAUSE = 0.3
+"""Seconds before a request is repeated; twice as long each time, so that about five seconds of a lost network are bridged."""
+_KNOWN_CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
+                      "AWS_CONTAINER_CREDENTIALS_FULL_URI")  # fmt: skip
+_CONNECT, _WHOLE = timedelta(seconds=10), timedelta(seconds=120)
+"""A request has a few MiB at most: two minutes are 30 kB/s."""
+
+
+class ChangedFileError(Exception):
+    """The file at the address is another one than at the beginning."""
+
+
+class UnreachableError(InputError):
+    """The server does not answer, or not now: an earlier copy may serve."""
+
+
+class RemoteObject:
+    """size: bytes.  tag: what names this state of the file: its ETag, else its time.  modified: seconds since 1970.
+    ranges: whether the server gives parts of it; without, only :meth:`pieces` works.  head: its first bytes."""
+
+    def __init__(self, address: Address, first: int):
+        """Asks for the first bytes, at most ``first``.  Raises InputError, one line, where the file cannot be had."""
+        self.address, self.ranges = address, True
+        self._store, self._place = _store_of(address)
+        try:
+            answer = self._asked(0, first)
+            self.head = bytes(answer.bytes())
+        except _NoRanges:
+            answer = self._get(None)
+            self.head, self.ranges = b"", False
+        self.size = int(answer.meta["size"])
+        self.modified = answer.meta["last_modified"].timestamp()
+        self.tag = answer.meta["e_tag"] or f"{self.modified:.0f}"
+        if self.size == 0:
+            raise self._error("the file is empty (0 bytes)", "copy or export it again")
+
+    def read(self, first: int, last: int) -> bytes:
+        """The bytes ``first`` to ``last``, that one left out.  Raises ChangedFileError; InputError as the constructor."""
+        if first == 0 and last <= len(self.head):
+            return self.head[:last]
+        why = ""
+        for attempt in range(_ATTEMPTS):
+            answer = self._asked(first, last)
+            tag = answer.meta["e_tag"] or f"{answer.meta['last_modified'].timestamp():.0f}"
+            if tag != self.tag or int(answer.meta["size"]) != self.size:
+                raise ChangedFileError
+            try:
+                data = bytes(answer.bytes())
+            except Exception as error:  # cut in the middle, on which obstore gives up
+                why = str(error)
+            else:
+                if len(data) == last - first:
+                    return data
+                why = f"{len(data)} of {last - first} bytes came"
+            _pause(attempt)
+        raise self._error(f"the connection breaks off again and again ({_short(why)})", "try again later")
+
+    def pieces(self, length: int) -> Iterator[bytes]:
+        """The whole file from its beginning, in pieces of about ``length`` bytes, in one request."""
+        answer = self._get(None)
+        try:
+            for piece in answer.stream(min_chunk_size=length):
+                yield bytes(piece)
+        except InputError:
+            raise
+        except Exception as error:
+            raise self._error(f"the connection broke off ({_short(str(error))}), and the server gives no parts of files",
+                              "try again") from None
+
+    def _asked(self, first: int, last: int) -> Any:
+        return self._get((first, last))
+
+    def _get(self, part: tuple[int, int] | None) -> Any:
+        import obstore
+        from obstore import exceptions
+
+        options: Any = {} if part is None else {"range": part}
+        why = ""
+        for attempt in range(_ATTEMPTS):
+            try:
+                return obstore.get(self._store, self._place, options=options)
+            except FileNotFoundError:
+                raise self._error("no such file there (404)", "check the address") from None
+            except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, PermissionError):
+                raise self._error("the server does not give it out (401 or 403)", self._allowed()) from None
+            except exceptions.NotSupportedError:
+                raise _NoRanges from None
+            except Exception as error:
+                text = str(error)
+                if part and ("416" in text or ("range" in text.lower() and "support" in text.lower())):
+                    raise _NoRanges from None
+                why = text
+            _pause(attempt)
+        raise UnreachableError(f"{self.address.text}: cannot be read ({_short(why)})",
+                               remedy="check the address and the network, and try again")
+
+    def _allowed(self) -> str:
+        if self.address.scheme == "s3":
+            return "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION of somebody who may read it"
+        return "a signed link may have expired: ask for a new one" if self.address.query else "ask its owner for a link"
+
+    def _error(self, why: str, remedy: str) -> InputError:
+        return InputError(f"{self.address.text}: {why}", remedy=remedy)
+
+
+class _NoRanges(Exception):
+    """The server gives whole files only."""
+
+
+def _store_of(address: Address) -> tuple[Any, str]:
+    """The store and the place in it."""
+    from obstore.store import HTTPStore, S3Store
+
+    client: Any = {"connect_timeout": _CONNECT, "timeout": _WHOLE}
+    retries: Any = {"max_retries": 2, "retry_timeout": timedelta(seconds=20)}
+    place = unquote(address.place)
+    if address.scheme == "s3":
+        signed = any(os.environ.get(name) for name in _KNOWN_CREDENTIALS)
+        endpoint = os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or ""
+        if endpoint.startswith("http://"):
+            client["allow_http"] = True
+        more: dict[str, Any] = {"endpoint": endpoint} if endpoint else {}
+        store = S3Store(address.host, skip_signature=not signed, client_options=client, retry_config=retries, **more)
+        return store, place
+    if address.user:
+        client["default_headers"] = {"Authorization": "Basic " + b64encode(unquote(address.user).encode()).decode()}
+    if address.scheme == "http":
+        client["allow_http"] = True
+    folder, _, name = place.rpartition("/")
+    base = f"{address.scheme}://{address.host}/{address.place.rpartition('/')[0]}" if folder else f"{address.scheme}://{address.host}"
+    return HTTPStore.from_url(f"{base}?{address.query}" if address.query else base, client_options=client,
+                              retry_config=retries), name  # fmt: skip
+
+
+def _pause(attempt: int) -> None:
+    if attempt + 1 < _ATTEMPTS:
+        time.sleep(_FIRST_PAUSE * 2**attempt)
+
+
+def _short(text: str) -> str:
+    """The first line of a library's message, without addresses, which may hold signatures."""
+    line = next(iter(text.strip().splitlines()), "no reason given")
+    return " ".join("..." if "://" in word else word for word in line.split())[:160]
