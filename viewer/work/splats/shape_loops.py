@@ -10,7 +10,7 @@ import numpy as np
 from ....model.common.jit import compiled
 from ..comparing.cell_search import place_of
 from ..comparing.local_plane import principal_axes
-from .splat_cell_loops import gathered_bits, morton
+from .splat_cell_loops import COLOURS, MOMENTS, add_colours, add_places, gathered_bits, morton
 
 FEWEST = 6
 """Points whose spread gives a splat its axes, at least (local_plane.FEWEST)."""
@@ -62,6 +62,7 @@ def shapes(cells, keys, side, places, colours, up, up_keys, up_side, up_places, 
     the axes; deviations, (k, 3) float64, along them, the last across the plane; linear, (k, 3) float64.
     """
     matrix, axes = np.empty((3, 3)), np.empty((3, 3))
+    total, tint = np.empty(MOMENTS), np.empty(COLOURS)
     for at in range(begin, end):
         if done[at]:
             continue
@@ -70,40 +71,22 @@ def shapes(cells, keys, side, places, colours, up, up_keys, up_side, up_places, 
         kx, ky, kz = gathered_bits(key), gathered_bits(key >> 1), gathered_bits(key >> 2)
         px, py, pz = (kx + 0.5) * side + own[1], (ky + 0.5) * side + own[2], (kz + 0.5) * side + own[3]
         ux, uy, uz = kx >> up, ky >> up, kz >> up
-        n = mx = my = mz = xx = xy = xz = yy = yz = zz = 0.0
-        known = lr = lg = lb = squares = sr = sg = sb = 0.0
+        total[:], tint[:] = 0.0, 0.0
         for ix in range(max(ux - reach, 0), ux + reach + 1):
             for iy in range(max(uy - reach, 0), uy + reach + 1):
                 for iz in range(max(uz - reach, 0), uz + reach + 1):
                     near = place_of(morton(ix, iy, iz), up_keys, table)
                     if near < 0:
                         continue
-                    row, tint = up_places[near], up_colours[near]
-                    m = row[0]
-                    dx = (ix + 0.5) * up_side + row[1] - px - mx
-                    dy = (iy + 0.5) * up_side + row[2] - py - my
-                    dz = (iz + 0.5) * up_side + row[3] - pz - mz
-                    part = n * m / (n + m)
-                    xx += row[4] + dx * dx * part
-                    xy += row[5] + dx * dy * part
-                    xz += row[6] + dx * dz * part
-                    yy += row[7] + dy * dy * part
-                    yz += row[8] + dy * dz * part
-                    zz += row[9] + dz * dz * part
-                    n += m
-                    mx, my, mz = mx + dx * m / n, my + dy * m / n, mz + dz * m / n
-                    k = tint[0]
-                    if k > 0:
-                        dr, dg, db = tint[4] - sr, tint[5] - sg, tint[6] - sb
-                        squares += tint[7] + (dr * dr + dg * dg + db * db) * known * k / (known + k)
-                        known += k
-                        share = k / known
-                        sr, sg, sb = sr + dr * share, sg + dg * share, sb + db * share
-                        lr, lg, lb = lr + (tint[1] - lr) * share, lg + (tint[2] - lg) * share, lb + (tint[3] - lb) * share
-        matrix[0, 0], matrix[1, 1], matrix[2, 2] = xx / n, yy / n, zz / n
-        matrix[0, 1] = matrix[1, 0] = xy / n
-        matrix[0, 2] = matrix[2, 0] = xz / n
-        matrix[1, 2] = matrix[2, 1] = yz / n
+                    row = up_places[near]
+                    add_places(total, row, (ix + 0.5) * up_side + row[1] - px, (iy + 0.5) * up_side + row[2] - py,
+                               (iz + 0.5) * up_side + row[3] - pz)  # fmt: skip
+                    add_colours(tint, up_colours[near])
+        n, known = total[0], tint[0]
+        matrix[0, 0], matrix[1, 1], matrix[2, 2] = total[4] / n, total[7] / n, total[9] / n
+        matrix[0, 1] = matrix[1, 0] = total[5] / n
+        matrix[0, 2] = matrix[2, 0] = total[6] / n
+        matrix[1, 2] = matrix[2, 1] = total[8] / n
         principal_axes(matrix, axes)
         first = last = 0
         for k in range(1, 3):
@@ -123,17 +106,16 @@ def shapes(cells, keys, side, places, colours, up, up_keys, up_side, up_places, 
         if known > 0:
             held = colours[cell, 0]
             tint_noise = colour_noise[at] * colour_noise[at] / max(held, 1.0)
-            true = max(squares / (3 * known) - colour_noise[at] * colour_noise[at], 0.0)
+            true = max(tint[7] / (3 * known) - colour_noise[at] * colour_noise[at], 0.0)
             weight = 0.0 if held == 0 else 1.0 if alone else true / max(true + tint_noise, 1e-12)
-            linear[at, 0] = lr + (linear[at, 0] - lr) * weight
-            linear[at, 1] = lg + (linear[at, 1] - lg) * weight
-            linear[at, 2] = lb + (linear[at, 2] - lb) * weight
+            for channel in range(3):
+                linear[at, channel] = tint[1 + channel] + (linear[at, channel] - tint[1 + channel]) * weight
         faint[at] = not done[at]
         across = max(matrix[last, last] - noise * noise, 0.0)
         nx, ny, nz = axes[0, last], axes[1, last], axes[2, last]
         shift = 0.0
         if not alone:  # towards the plane of the points around, where the noise explains the way
-            way = mx * nx + my * ny + mz * nz
+            way = total[1] * nx + total[2] * ny + total[3] * nz
             if own[0] <= FEW and abs(way) > STRAY * math.sqrt(max(matrix[last, last], 0.0)):
                 faint[at] = True
             if abs(way) < 3 * noise:

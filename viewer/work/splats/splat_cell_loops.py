@@ -103,6 +103,38 @@ def cell_moments(xyz, linear, srgb, coloured, order, first, keys, side, places, 
         tint[4], tint[5], tint[6], tint[7] = sr, sg, sb, squares
 
 
+@compiled(inline="always")
+def add_places(total, row, x, y, z):
+    """Adds to the moments of places ``total`` those of a cell, whose mean is at (x, y, z) in the frame of ``total``
+    (Chan et al. 1979)."""
+    n, m = total[0], row[0]
+    dx, dy, dz = x - total[1], y - total[2], z - total[3]
+    part = n * m / (n + m)
+    total[4] += row[4] + dx * dx * part
+    total[5] += row[5] + dx * dy * part
+    total[6] += row[6] + dx * dz * part
+    total[7] += row[7] + dy * dy * part
+    total[8] += row[8] + dy * dz * part
+    total[9] += row[9] + dz * dz * part
+    total[0] = n + m
+    total[1] += dx * m / (n + m)
+    total[2] += dy * m / (n + m)
+    total[3] += dz * m / (n + m)
+
+
+@compiled(inline="always")
+def add_colours(total, tint):
+    """Adds to the moments of colours ``total`` those of a cell."""
+    known, k = total[0], tint[0]
+    if k > 0:
+        dr, dg, db = tint[4] - total[4], tint[5] - total[5], tint[6] - total[6]
+        total[7] += tint[7] + (dr * dr + dg * dg + db * db) * known * k / (known + k)
+        total[0] = known + k
+        share = k / (known + k)
+        for channel in range(1, 7):
+            total[channel] += (tint[channel] - total[channel]) * share
+
+
 @compiled(nogil=True)
 def merged_moments(keys, side, places, colours, child, up_keys, up_places, up_colours, begin, end):
     """Moments of the cells begin..end of twice the side, from those of their up to eight cells (Chan et al. 1979).
@@ -113,34 +145,12 @@ def merged_moments(keys, side, places, colours, child, up_keys, up_places, up_co
         cx = (gathered_bits(up_keys[up]) + 0.5) * (2 * side)
         cy = (gathered_bits(up_keys[up] >> 1) + 0.5) * (2 * side)
         cz = (gathered_bits(up_keys[up] >> 2) + 0.5) * (2 * side)
-        n = mx = my = mz = xx = xy = xz = yy = yz = zz = 0.0
-        known = lr = lg = lb = sr = sg = sb = squares = 0.0
+        total, hue = up_places[up], up_colours[up]
+        total[:], hue[:] = 0.0, 0.0
         for cell in range(child[up], child[up + 1]):
-            key, row, tint = keys[cell], places[cell], colours[cell]
-            m = row[0]
-            dx = (gathered_bits(key) + 0.5) * side - cx + row[1] - mx
-            dy = (gathered_bits(key >> 1) + 0.5) * side - cy + row[2] - my
-            dz = (gathered_bits(key >> 2) + 0.5) * side - cz + row[3] - mz
-            part = n * m / (n + m)
-            xx += row[4] + dx * dx * part
-            xy += row[5] + dx * dy * part
-            xz += row[6] + dx * dz * part
-            yy += row[7] + dy * dy * part
-            yz += row[8] + dy * dz * part
-            zz += row[9] + dz * dz * part
-            n += m
-            mx, my, mz = mx + dx * m / n, my + dy * m / n, mz + dz * m / n
-            k = tint[0]
-            if k > 0:
-                dr, dg, db = tint[4] - sr, tint[5] - sg, tint[6] - sb
-                squares += tint[7] + (dr * dr + dg * dg + db * db) * known * k / (known + k)
-                known += k
-                share = k / known
-                sr, sg, sb = sr + dr * share, sg + dg * share, sb + db * share
-                lr, lg, lb = lr + (tint[1] - lr) * share, lg + (tint[2] - lg) * share, lb + (tint[3] - lb) * share
-        row = up_places[up]
-        row[0], row[1], row[2], row[3], row[4] = n, mx, my, mz, xx
-        row[5], row[6], row[7], row[8], row[9] = xy, xz, yy, yz, zz
-        tint = up_colours[up]
-        tint[0], tint[1], tint[2], tint[3] = known, lr, lg, lb
-        tint[4], tint[5], tint[6], tint[7] = sr, sg, sb, squares
+            key, row = keys[cell], places[cell]
+            x = (gathered_bits(key) + 0.5) * side - cx + row[1]
+            y = (gathered_bits(key >> 1) + 0.5) * side - cy + row[2]
+            z = (gathered_bits(key >> 2) + 0.5) * side - cz + row[3]
+            add_places(total, row, x, y, z)
+            add_colours(hue, colours[cell])
