@@ -39,9 +39,10 @@ def room():
 
 
 @pytest.fixture(scope="module")
-def scan():
+def scan(context):
     with pointglass.from_points(*room()) as made:
         yield made
+    context.__enter__()  # for the fixtures of the next module
 
 
 def look(scan, **more):
