@@ -9,6 +9,9 @@ from pointglass.viewer.work.measuring.height_grid import MOST, measured_volume
 from pointglass.viewer.work.measuring.volume import Volume
 
 UP = np.array([0.0, 0.0, 1.0])
+OUTSIDE = 3
+"""Of 12, at most.  Where each is inside with 95 %, more are outside in 1 of 450 runs (binomial).  Without shadow 294 of 300
+cones, all of 300 hemispheres and 287 of 300 boxes were inside."""
 
 
 def heights(kind: str, flat: np.ndarray, size: float, tall: float) -> np.ndarray:
@@ -65,7 +68,7 @@ def test_true_volumes_lie_inside_what_is_stated(seed, kind, shadow):
     made = [heap(random, kind, shadow=shadow) for _ in range(12)]
     off = np.array([found.net - truth for truth, found in made])
     stated = np.array([found.uncertainty for _, found in made])
-    assert np.mean(np.abs(off) <= stated) >= 0.8, "of twelve; of hundreds 95 %"
+    assert np.count_nonzero(np.abs(off) > stated) <= OUTSIDE
     wide = np.median(stated / np.abs([truth for truth, _ in made]))  # without shadow 0.022 to 0.059 in 75 runs
     assert wide < (0.5 if shadow else 0.08)
     empty = np.median([found.empty for _, found in made])
