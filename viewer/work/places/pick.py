@@ -136,7 +136,7 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
     """Running numbers of the points in a pixel from its depth to where its surface ends; (n, 3) depth and pixel position."""
     from . import pick_kernels  # numba: only once something is picked
 
-    near = front - _DEPTH_SLACK * camera.divisor(front)  # of parallel rays also near depth 0, where float32 loses as much
+    near = front - _DEPTH_SLACK * float(camera.divisor(front))  # of parallel rays also at depth 0: float32 loses as much
     far = surface_end(front, camera, scene.spacing)
     left, top = pixel[0] - _PIXEL_SLACK, pixel[1] - _PIXEL_SLACK
     right, bottom = pixel[0] + 1 + _PIXEL_SLACK, pixel[1] + 1 + _PIXEL_SLACK
