@@ -1,6 +1,7 @@
 """A session of the window without a window: an empty room, and a clock moved by hand."""
 
 from dataclasses import replace
+from time import monotonic, sleep
 
 import numpy as np
 
@@ -57,3 +58,17 @@ def finish(made):
     while made.view_settings.network_load is not None:
         made.view_settings.network_load.join(5.0)
         made.poll()
+
+
+def until_idle(session, follow, works):
+    """Turns the loop until nothing is loaded and ``works()`` is false.  follow: what a tool does in each turn."""
+    end = monotonic() + 120
+    while monotonic() < end:
+        follow()
+        if (loaded := session.poll()) is not None:
+            session.accept(loaded)
+            continue
+        if session.loads.current is None and not works():
+            return
+        sleep(0.01)
+    raise AssertionError("work does not end")

@@ -1,6 +1,5 @@
 """The Align tool without a window: clicks make pairs, each step moves the scan in the document, and the scene follows it."""
 
-from time import monotonic, sleep
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 from swept_room import PLACES, sweep
+from window_session import until_idle
 
 from pointglass.viewer.common.rigid_transform import Rows, inverse, moved_points, rigid, rotation_about
 from pointglass.viewer.grid.records.file_records import FileRecords
@@ -47,16 +47,7 @@ class Window:
 
     def turn(self) -> None:
         """Turns the loop until nothing goes on."""
-        end = monotonic() + 120
-        while monotonic() < end:
-            self.tool.follow(self.context)
-            if (loaded := self.session.poll()) is not None:
-                self.session.accept(loaded)
-                continue
-            if self.session.loads.current is None and self.tool.worker is None:
-                return
-            sleep(0.01)
-        raise AssertionError("work does not end")
+        until_idle(self.session, lambda: self.tool.follow(self.context), lambda: self.tool.worker is not None)
 
     def click(self, place: np.ndarray, scan: int, button: Any = "left") -> None:
         x, y, z = place.tolist()

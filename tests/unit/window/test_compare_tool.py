@@ -1,12 +1,12 @@
 """The Compare tool without a window: distances of synthetic changes of known size, and the levels that colour the points."""
 
-from time import monotonic, sleep
 from types import SimpleNamespace
 
 import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from window_session import until_idle
 
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.point_sets import LEFT_OUT
@@ -45,16 +45,7 @@ class Window:
 
     def turn(self) -> None:
         """Turns the loop until nothing goes on."""
-        end = monotonic() + 120
-        while monotonic() < end:
-            self.tool.follow(self.context)
-            if (loaded := self.session.poll()) is not None:
-                self.session.accept(loaded)
-                continue
-            if self.session.loads.current is None and not any(self.tool.workers):
-                return
-            sleep(0.01)
-        raise AssertionError("work does not end")
+        until_idle(self.session, lambda: self.tool.follow(self.context), lambda: any(self.tool.workers))
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
@@ -10,6 +11,7 @@ from . import theme
 from .layout import Rect
 from .sliders import CLAMP, LOGARITHMIC, slider_float
 from .theme import Theme, packed, text_in
+from .worker import Worker
 
 DOCKED = (
     imgui.WindowFlags_.no_decoration
@@ -214,3 +216,11 @@ def facts(rows: Iterable[tuple[str, str]], style: Theme, name: str = "facts", *,
             imgui.text_unformatted(value)
             imgui.pop_text_wrap_pos()
         imgui.end_table()
+
+
+def work_rows(ui: Any, worker: Worker) -> None:
+    """Rows of long work that goes on: what it does, how far it is, and Cancel.  ui: the ``imgui`` module, inside a window."""
+    ui.text_wrapped(worker.label or worker.title)
+    ui.progress_bar(worker.fraction or 0.0)
+    if ui.button("Cancel"):
+        worker.cancel()

@@ -9,6 +9,7 @@ from ....common.text import printable
 from ....work.comparing.compare import METHODS
 from ....work.comparing.facing import TEXTS
 from ....work.scan_files import FilePart
+from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..tool import ToolContext
 from .compare_work import Coloured, Comparison, Shown
@@ -63,10 +64,7 @@ def draw_panel(ui: Any, tool: Comparing, context: ToolContext) -> None:
             tool.choose(*((chosen, swapped) if label == "before" else (swapped, chosen)))
     _method(ui, tool, context)
     if tool.worker is not None:
-        ui.text_wrapped(tool.worker.label or tool.worker.title)
-        ui.progress_bar(tool.worker.fraction or 0.0)
-        if ui.button("Cancel"):
-            tool.worker.cancel()
+        work_rows(ui, tool.worker)
         return
     if ui.button("Compare"):
         tool.start(context)

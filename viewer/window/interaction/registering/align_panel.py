@@ -10,6 +10,7 @@ from ....common.text import counted, printable
 from ....work.registration.point_pairs import LEAST, PairFit
 from ....work.scan_files import FilePart
 from ...kit.theme import fitted
+from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..editing import unit_of
 from ..tool import ToolContext
@@ -52,10 +53,7 @@ def draw_panel(ui: Any, tool: Aligning, context: ToolContext) -> None:
         return
     _which(ui, tool, parts)
     if tool.worker is not None:
-        ui.text_wrapped(tool.worker.label or tool.worker.title)
-        ui.progress_bar(tool.worker.fraction or 0.0)
-        if ui.button("Cancel"):
-            tool.worker.cancel()
+        work_rows(ui, tool.worker)
         return
     if len(parts) > 1:
         _pairs(ui, tool, context)
