@@ -25,6 +25,7 @@ from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.notes.annotation import Annotation
+from pointglass.viewer.work.notes.shared_pictures import remember_attached
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
@@ -152,3 +153,25 @@ def test_what_cannot_be_made_is_refused_in_one_line(project, tmp_path, monkeypat
 def test_a_scan_has_no_report(project, tmp_path, capsys):
     assert main(["report", str(project.with_name("wall.xyz")), "--out", str(tmp_path / "r.pdf")]) == 2
     assert "a report is made of a project" in capsys.readouterr().err
+
+
+def test_a_picture_outside_the_project_is_sent_only_where_it_was_attached_here(project, tmp_path, capsys):
+    private = tmp_path / "private.jpg"
+    Image.fromarray(np.full((30, 40, 3), 77, np.uint8)).save(private)
+    (project.parent / "link.jpg").symlink_to(private)
+    for number, path in enumerate((private, project.parent / "link.jpg")):
+        notes = (Annotation("look", (4.0, 5.0, 1.5), picture=str(path), view=view("")),)
+        stranger, out = project.with_name(f"stranger{number}.pointglass"), tmp_path / f"{number}.bcf"
+        write_project(stranger, Document((ScanFile(str(project.with_name("wall.xyz"))),), annotations=notes))
+        command = ["report", str(stranger), "--out", str(out), "--no-cache"]
+
+        def attached(command=command, out=out):
+            assert main(command) == 0
+            return [name for name in zipfile.ZipFile(out).namelist() if name.endswith(".jpg")]
+
+        assert not attached() and f"{path.name}: is left out: it lies outside the project's folder" in capsys.readouterr().err
+        pdf = tmp_path / f"{number}.pdf"
+        assert main(["report", str(stranger), "--out", str(pdf), "--no-cache"]) == 0
+        assert pdf.read_bytes().count(b"/Subtype /Image") == 1 and "is left out" in capsys.readouterr().err
+    remember_attached(str(private))
+    assert len(attached()) == 1 and "left out" not in capsys.readouterr().err

@@ -48,6 +48,7 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     from ...render.described_picture import Composer
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
+    from ...work.project import is_project
     from ..open_project import opened
 
     context = create_context()
@@ -56,8 +57,9 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     try:
         places = chosen_places(scene, document, wanted)
         form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
+        project = options.scans[0] if is_project(options.scans[0]) else None
         title = with_whole_characters(options.title or options.scans[0].resolve().stem)
-        made = Publication(scene, document, settings, places, options.out, title, form)
+        made = Publication(scene, document, settings, places, options.out, title, form, project)
         rendered, size = made.write(renderer, composer, _warn)
     finally:
         composer.release()

@@ -72,7 +72,7 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class Publication:
-    """All that a publication is made of.  title: for a person."""
+    """All that a publication is made of.  title: for a person.  project: the file of the project, None for scans."""
 
     scene: "Scene"
     document: "Document"
@@ -81,6 +81,7 @@ class Publication:
     out: Path
     title: str
     form: Form = Form()
+    project: Path | None = None
 
     def write(self, renderer: "Renderer", composer: "Composer", problem: Callable[[str], object]) -> tuple[int, int]:
         """Makes the folder.  Returns how many places were rendered and the bytes of all files.  problem: is told, in a line,
@@ -88,7 +89,7 @@ class Publication:
         be written, DeviceError where a picture cannot be made."""
         check_folder(self.out)
         rendered, records, sizes = 0, [], []
-        attached, note_files = picture_scripts(self.document.annotations, problem)
+        attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
         with out_folder(self.out / "places"), alone(self.out), progress(len(self.places), "publishing", "place") as meter:
             for number, place in enumerate(self.places):
                 made_of = self._digest(place)

@@ -45,7 +45,8 @@ def run(options: argparse.Namespace) -> int:
     scene, document = opened(options)
     wording = Wording(options.title or project.stem, options.author,
                       date.today().isoformat() if options.date is None else options.date)
-    job = ReportJob(scene, document, options.out, views, wording, lambda line: print(f"pointglass: {line}", file=sys.stderr))
+    job = ReportJob(scene, document, project, options.out, views, wording,
+                    lambda line: print(f"pointglass: {line}", file=sys.stderr))
     print(f"{job.write()} in {options.out}")
     return 0
 

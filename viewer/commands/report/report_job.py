@@ -4,7 +4,7 @@ The command line and the window make the same file with it.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from ...work.measuring.measure_text import unit_name
 from ...work.notes.attached_picture import attached_bytes
 from ...work.notes.note_bcf import Topic, bcf_bytes
 from ...work.notes.note_table import csv_text
+from ...work.notes.shared_pictures import check_shared
 from ..section.sheet import write_figures, write_whole
 from .pages import DPI
 from .report_pdf import Wording, picture_count, report_pages
@@ -38,11 +39,13 @@ class ReportJob:
     """All that a report is made of.
 
     scene: with the unit and the reference system that the document assigns.  out: the file; its ending is one of KNOWN.
-    views: viewpoints that a PDF shows.  note: is told, in a line, what the file does not hold.
+    project: the project's file, None for work that is not saved.  views: viewpoints that a PDF shows.  note: is told, in a
+    line, what the file does not hold.
     """
 
     scene: "Scene"
     document: "Document"
+    project: Path | None
     out: Path
     views: "Sequence[Viewpoint]"
     wording: Wording
@@ -55,11 +58,12 @@ class ReportJob:
         if ending in ENDINGS["CSV table"]:
             write_whole(self.out, lambda beside: beside.write_bytes(csv_text(notes, unit).encode(errors="backslashreplace")))
             return counted(len(notes), "note")
+        document = self._with_shared_pictures(document)
         renderer = renderer_for(self.scene, document)
         try:
             pictures = ViewPictures(renderer, document)
             if ending in ENDINGS["BCF issues"]:
-                self._write_bcf(pictures, unit)
+                self._write_bcf(document, pictures, unit)
                 return counted(len(notes), "note")
             with progress(picture_count(document, self.views), "drawing the report", "picture") as meter:
                 figures = report_pages(self.scene, document, self.views, self.wording, pictures.picture, self.note,
@@ -69,11 +73,24 @@ class ReportJob:
         write_figures(self.out, [(figure, DPI) for figure in figures])
         return counted(len(figures), "page")
 
-    def _write_bcf(self, pictures: ViewPictures, unit: str) -> None:
+    def _with_shared_pictures(self, document: "Document") -> "Document":
+        """Without the attached pictures that are no part of what is sent; a line names each."""
+        notes = []
+        for note in document.annotations:
+            try:
+                if note.picture:
+                    check_shared(note.picture, self.project)
+            except InputError as error:
+                self.note(str(error))
+                note = replace(note, picture="")
+            notes.append(note)
+        return replace(document, annotations=tuple(notes))
+
+    def _write_bcf(self, document: "Document", pictures: ViewPictures, unit: str) -> None:
         topics = []
-        with progress(len(self.document.annotations), "drawing the notes", "picture") as meter:
-            for number, note in enumerate(self.document.annotations):
-                view = view_of(note, self.document)
+        with progress(len(document.annotations), "drawing the notes", "picture") as meter:
+            for number, note in enumerate(document.annotations):
+                view = view_of(note, document)
                 snapshot = png_bytes(pictures.picture(view, (note,), (number,))) if view is not None else None
                 topics.append(Topic(note, number, view, snapshot, self._attached(note)))
                 meter.update(1)

@@ -156,7 +156,7 @@ class PublishDialog:
         document = session.work.as_saved(session.camera, view.shown_settings, view.background)
         title = session.work.project.stem if session.work.project is not None else session.shown_scan.title.split(".")[0]
         job = Publication(scene, document, replace(view.shown_settings, view=self.view), plan.places, out, title,
-                          Form(second="raw" if self.second else None))
+                          Form(second="raw" if self.second else None), session.work.project)
         self._out, self.open = out, False
         self.worker = Worker(lambda: written(job), f"Publishing {out.name}", session.loads.wake)
 

@@ -63,7 +63,7 @@ class NoteExport:
         name = session.work.project.stem if session.work.project is not None else session.shown_scan.title
         self._out, self._missing = out, []
         wording = Wording(name, date=date.today().isoformat())
-        job = ReportJob(scene, document, out, document.viewpoints, wording, self._missing.append)
+        job = ReportJob(scene, document, session.work.project, out, document.viewpoints, wording, self._missing.append)
 
         def work() -> str:
             with name_kept(out):

@@ -9,6 +9,7 @@ import numpy as np
 from ....readers.decoded_picture import ending_of
 from ....work.notes.annotation import PICTURE_ENDINGS, STATUSES, Annotation, is_address, is_picture_name
 from ....work.notes.attached_picture import attached_bytes, attached_picture
+from ....work.notes.shared_pictures import remember_attached
 from ...kit.theme import OVERLAY_COLOURS, fitted, packed
 from ...kit.widgets import compact_button
 from ...kit.worker import Worker
@@ -185,6 +186,7 @@ class NoteFields:
         if not is_picture_name(path):
             context.toast(f"{paths[0].name} is not attached: a picture ends in {', '.join(PICTURE_ENDINGS)}")
         elif place is not None:
+            remember_attached(path)
             tool.change(context, place, "Attach a picture", picture=path)
 
 
