@@ -12,13 +12,13 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
 
 from ..model.common.files.temporary import sweep_recorded
 from ..model.common.loop_cache import NOTICE
 from .command_table import COMMANDS, make_parser
+from .commands.neural_setup import check_weights
 from .commands.options import memory_of, settings_of
 from .common.command_log import logging_to
 from .common.errors import InputError
@@ -26,7 +26,6 @@ from .common.failures import report, tell
 from .common.progress import progress
 from .common.replaced_files import replaced_told
 from .common.text import counted, escaped_output
-from .picture.settings import Settings
 from .readers.remote.address import is_address
 
 
@@ -79,58 +78,16 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from .commands.photo_option import give_photographs, photographs_of_folder
-    from .commands.render_pictures import export_pictures, parse_shard, parse_size, picture_files
-    from .picture.spec import PictureSpec
-    from .work.cameras.camera_files import read_cameras
-    from .work.ghosts import prepared
-    from .work.pictures.shot_metadata import describe_shot, differences, read_shot
+    from .commands.render_command import run
 
-    settings, memory = settings_of(options), memory_of(options)
-    exposures, shot, size = options.exposures, None, parse_size(options.size) if options.size else None
-    if options.like:
-        shot = read_shot(options.like)
-        settings, exposures = shot.spec.settings, shot.exposures
-        specs = [shot.spec if size is None else replace(shot.spec, camera=shot.spec.camera.resized(*size))]
-    else:
-        cameras = read_cameras(options.cameras, size=size)
-        specs = [PictureSpec(camera, settings, background=options.background) for camera in cameras]
-    part, parts = parse_shard(options.shard) if options.shard else (0, 1)
-    specs = specs[part::parts]
-    _check_weights(settings)
-    photographs = photographs_of_folder(settings)
-    from .grid.open_scene import moves_as, open_scene, say_degrees
-    from .render.device.context import create_context
-    from .render.renderer import Renderer
-
-    context = create_context()
-    scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns,
-                       moves=moves_as(options.scans, shot.moves if shot else ()))
-    say_degrees(scene)
-    if shot:
-        scene = prepared(scene, shot.spec.edits.ghosts)
-        for line in differences(shot, describe_shot(scene, shot.spec, exposures=exposures)):
-            print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
-    renderer = Renderer(context, scene, memory=memory)
-    renderer.choice.repeat(shot.raster if shot else "")
-    give_photographs(renderer, settings, photographs)
-    _end_of_start()
-    try:
-        with replaced_told(picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)):
-            count = export_pictures(renderer, specs, options.out, aux=options.aux, exposures=exposures, resume=options.resume)
-    finally:
-        renderer.release()
-        context.release()
-    there = f" ({counted(len(specs) - count, 'picture')} already there)" if count < len(specs) else ""
-    print(f"{counted(len(specs), 'picture')} in {options.out}{there}")
-    return 0
+    return run(options, settings_of(options), _end_of_start)
 
 
 def _video(options: argparse.Namespace) -> int:
     from .commands.film.command import run
 
     settings = settings_of(options)
-    _check_weights(settings)
+    check_weights(settings)
     return run(options, settings)
 
 
@@ -138,7 +95,7 @@ def _publish(options: argparse.Namespace) -> int:
     from .commands.publishing.command import run
 
     settings = settings_of(options)
-    _check_weights(settings)
+    check_weights(settings)
     return run(options, settings)
 
 
@@ -157,17 +114,6 @@ def _plain(options: argparse.Namespace) -> int:
     else:
         from .commands.comparing.command import run
     return run(options)
-
-
-def _check_weights(settings: Settings) -> None:
-    """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
-    if settings.view == "neural":
-        from ..model.common.process.torch_process import prepare_inference
-        from ..model.network.reconstruct import fitting_weights
-
-        prepare_inference()
-        own = Path(settings.weights) if settings.weights else None
-        fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)
 
 
 def _convert(options: argparse.Namespace) -> int:

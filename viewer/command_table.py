@@ -6,6 +6,7 @@ from pathlib import Path
 
 from . import __version__
 from .commands.options import Parser, add_columns, add_exposures, add_logging, add_memory, add_scans, add_settings
+from .commands.workers_option import add_workers
 from .picture.settings import BACKGROUNDS
 from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 
@@ -43,6 +44,7 @@ def _render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true",
                         help="leave out cameras whose files in DIR are complete and were made from the same scan, camera and "
                              "settings")
+    add_workers(parser, "pictures")
     add_settings(parser)
     add_memory(parser)
 

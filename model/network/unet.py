@@ -62,6 +62,17 @@ PAPER_CHANNELS = 5
 """Channels of these that the paper's network takes: all but the noise level."""
 
 
+class Pointwise(nn.Conv2d):
+    """A convolution of 1x1 pixels.  On a CPU it is a product of matrices: oneDNN's 1x1 convolution of 256 channels and more
+    adds in an order that depends on the number of threads, so that pictures differed by one level (measured on 1, 2, 3 and 8).
+    """
+
+    def forward(self, input: Tensor) -> Tensor:
+        if input.device.type != "cpu":
+            return super().forward(input)
+        return F.linear(input.permute(0, 2, 3, 1), self.weight[:, :, 0, 0], self.bias).permute(0, 3, 1, 2)
+
+
 def _convolutions(width: int, count: int) -> nn.Sequential:
     layers = []
     for _ in range(count):
@@ -113,7 +124,7 @@ class CompactUNet(nn.Module):
         self.stem = nn.Conv2d(size.block**2 * INPUT_CHANNELS, widths[0], 3, padding=1)
         self.down = nn.ModuleList(_convolutions(w, count) for w in widths)
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in itertools.pairwise(widths))
-        self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in itertools.pairwise(widths))
+        self.grow = nn.ModuleList(Pointwise(b, a, 1) for a, b in itertools.pairwise(widths))
         self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
         self.head = nn.Conv2d(widths[0], size.block**2 * (1 + BLENDS + 1), 3, padding=1)
         nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture, covered everywhere

@@ -64,23 +64,31 @@ def export_pictures(renderer: "Renderer", specs: Sequence["PictureSpec"], out: P
     The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
     the filter, whatever the view.
     """
-    if aux and not all(spec.plain for spec in specs):
-        raise InputError("the picture shows clips, colours or a comparison of a project", option="--aux",
-                         remedy="leave --aux out")
-    from ..render.described_picture import picture_of
-
+    check_aux(specs, aux=aux)
     rendered = 0
     with out_folder(out), progress(len(specs), "rendering", "picture") as meter:
         for spec in specs:
-            shot = describe_shot(renderer.scene, spec, exposures=exposures)
-            if resume and is_finished(out, shot, newer_than=_newest(renderer.scene), aux=aux):
-                meter.update(1)
-                continue
-            rendered += 1
-            files = _with_aux(renderer, shot) if aux else _picture(picture_of(renderer, spec), renderer, shot)
-            write_together(out, files)
+            rendered += export_picture(renderer, spec, out, aux=aux, exposures=exposures, resume=resume)
             meter.update(1)
     return rendered
+
+
+def check_aux(specs: "Iterable[PictureSpec]", *, aux: bool) -> None:
+    """Raises InputError for ``aux`` of a picture with edits or two views."""
+    if aux and not all(spec.plain for spec in specs):
+        raise InputError("the picture shows clips, colours or a comparison of a project", option="--aux",
+                         remedy="leave --aux out")
+
+
+def export_picture(renderer: "Renderer", spec: "PictureSpec", out: Path, *, aux: bool, exposures: str, resume: bool) -> bool:
+    """One picture of :func:`export_pictures`; ``out`` is there.  Returns whether it was rendered."""
+    from ..render.described_picture import picture_of
+
+    shot = describe_shot(renderer.scene, spec, exposures=exposures)
+    if resume and is_finished(out, shot, newer_than=_newest(renderer.scene), aux=aux):
+        return False
+    write_together(out, _with_aux(renderer, shot) if aux else _picture(picture_of(renderer, spec), renderer, shot))
+    return True
 
 
 def _newest(scene: "Scene") -> float:

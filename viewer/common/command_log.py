@@ -5,6 +5,7 @@ something (a damaged cache, a slower engine); INFO, what was chosen and why (dev
 """
 
 import logging
+import os
 import platform
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,10 +14,13 @@ from pathlib import Path
 
 from .. import __version__
 from .errors import InputError
+from .failures import tell
 from .text import printable
 
 OURS = ("pointglass",)
 """Top-level loggers; those of libraries keep to themselves."""
+_shown: set[str] = set()
+"""Lines that were shown on standard error."""
 
 
 @contextmanager
@@ -26,7 +30,7 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
     arguments: of the command, for the file's first line.  Raises InputError if the file cannot be written, at the end of the
     block where that happens within it.
     """
-    screen = logging.StreamHandler(sys.stderr)
+    screen = _Screen(sys.stderr)
     screen.setLevel(logging.INFO if verbose else logging.WARNING)
     screen.setFormatter(_ScreenLine())
     handlers: list[logging.Handler] = [screen]
@@ -64,6 +68,23 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
             handler.close()
     if (failed := getattr(handlers[-1], "failed", None)) is not None:
         raise InputError(f"this log is incomplete ({failed.strerror or failed}); the command itself is done", file=file)
+
+
+class _Screen(logging.StreamHandler):
+    """Standard error.  A warning that a worker process repeats is shown once."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text, ours = record.getMessage(), record.process == os.getpid()
+        if ours or text not in _shown:
+            super().emit(record)
+        _shown.add(text)
+
+
+def say_once(line: str) -> None:
+    """A line on standard error, of a worker process; the same one comes from each of them."""
+    if line not in _shown:
+        _shown.add(line)
+        tell(line)
 
 
 class _KeptLog(logging.FileHandler):

@@ -17,13 +17,22 @@ _SLICE = 4096
 model.synth take 5.7 ms of a processor, handing them over 0.008 ms; half takes 2.7 to 3.3 ms, twice 9 to 12 ms."""
 _threads: list[int] = []
 """Number of threads where :func:`use_threads` has set one."""
+_most: list[int] = []
+"""The limit that :func:`limit_processors` has set."""
 _pools: dict[int, ThreadPoolExecutor] = {}
 """Threads of :func:`everywhere`, :func:`each` and :func:`in_rows`, by their number."""
 
 
 def usable_processors() -> int:
-    """Processors that this process may use, at least 1; fewer than the machine has in a container or under ``taskset``."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Processors that this process may use, at least 1; fewer than the machine has in a container, under ``taskset``, or after
+    :func:`limit_processors`."""
+    found = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min([found, *_most])
+
+
+def limit_processors(most: int) -> None:
+    """From now on this process takes at most ``most`` processors for its own: others that share its work have the rest."""
+    _most[:] = [most]
 
 
 def use_threads(count: int) -> None:

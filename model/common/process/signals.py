@@ -30,21 +30,38 @@ _EARLY = "_stopped"
 """Name of the handler that pointglass.py installs before anything is imported."""
 AFTER_CHILDREN: list[Callable[[], object]] = []
 """Called where the process is stopped and had child processes, once these have ended."""
+
+
+class _State:
+    """quiet: no line is written.  stopping: a signal has come."""
+
+    quiet = False
+    stopping = False
+
+
+_state = _State()
 _undo: dict[int, Callable[[], object]] = {}
 _numbers = itertools.count()
 
 
-def stop_at_once() -> None:
+def stop_at_once(*, quiet: bool = False) -> None:
     """From now on these signals end the process, cleaned up, with exit code 130.  Signals that are ignored stay so (a shell's
-    background jobs)."""
+    background jobs).  quiet: without the line, in a process whose parent says it."""
+    _state.quiet = quiet
     for stop in ALL_STOPS:
         present = signal.getsignal(stop)
         if present in (signal.SIG_DFL, signal.default_int_handler) or getattr(present, "__name__", "") == _EARLY:
             signal.signal(stop, stopped)
 
 
+def is_stopping() -> bool:
+    """Whether a signal is ending this process: threads start nothing new then."""
+    return _state.stopping
+
+
 def stopped(_number: int, _frame) -> None:
     """The handler of :func:`stop_at_once`."""
+    _state.stopping = True
     for stop in ALL_STOPS:
         signal.signal(stop, signal.SIG_IGN)
     if os.getpid() == _owner[0]:  # a forked child has its parent's handler and nothing to clean up
@@ -56,6 +73,8 @@ def stopped(_number: int, _frame) -> None:
             with contextlib.suppress(BaseException):
                 undo()
         with contextlib.suppress(OSError):
+            if _state.quiet:
+                os._exit(130)
             error = error_descriptor()
             shown = b"\n" if "tqdm" in sys.modules and os.isatty(error) else b""  # below a progress bar
             os.write(error, shown + b"pointglass: stopped\n")

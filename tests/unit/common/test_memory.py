@@ -12,7 +12,7 @@ import torch
 from pointglass.model.common.process import torch_process
 from pointglass.model.common.process.processors import usable_processors
 from pointglass.model.network.reconstruct import Reconstructor
-from pointglass.viewer import cli
+from pointglass.viewer.commands.neural_setup import check_weights
 from pointglass.viewer.picture.settings import Settings
 
 COUNT = """
@@ -94,7 +94,7 @@ def test_a_network_changes_no_setting_of_the_process(one_thread, monkeypatch):
 
 def test_commands_prepare_the_process_for_the_neural_view_alone(one_thread, monkeypatch):
     monkeypatch.setattr(torch_process, "keep_freed_memory", lambda: True)
-    cli._check_weights(Settings(view="filled"))
+    check_weights(Settings(view="filled"))
     assert torch.get_num_threads() == 1
-    cli._check_weights(Settings(view="neural"))
+    check_weights(Settings(view="neural"))
     assert torch.get_num_threads() == usable_processors()

@@ -1,0 +1,150 @@
+"""--workers: the command line as a process, its results equal to the byte, whatever is killed or interrupted."""
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+pytestmark = pytest.mark.gl
+FRAMES = 8
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory) -> Path:
+    """A coloured floor and wall, as LAZ."""
+    rng = np.random.default_rng(0)
+    xyz = np.concatenate([rng.uniform((0, 0, 0), (4, 4, 0.001), (8000, 3)), rng.uniform((0, 3.999, 0), (4, 4, 3), (8000, 3))])
+    return written(tmp_path_factory.mktemp("scan") / "corner.laz", xyz, rng)
+
+
+def written(path: Path, xyz: np.ndarray, rng: np.random.Generator) -> Path:
+    header = laspy.LasHeader(point_format=2, version="1.2")
+    header.scales = [0.001] * 3
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xyz.T
+    las.red, las.green, las.blue = rng.integers(0, 65535, (3, len(xyz)))
+    las.write(str(path))
+    return path
+
+
+@pytest.fixture(scope="module")
+def cameras(tmp_path_factory) -> Path:
+    frames = [{"file_path": f"images/{n}.jpg", "transform_matrix": [[1, 0, 0, 1 + 0.2 * n], [0, 0, -1, 0.5], [0, 1, 0, 1.4],
+                                                                    [0, 0, 0, 1]]} for n in range(FRAMES)]
+    path = tmp_path_factory.mktemp("cameras") / "transforms.json"
+    path.write_text(json.dumps({"fl_x": 60, "w": 80, "h": 60, "frames": frames}))
+    return path
+
+
+def start(*arguments) -> subprocess.Popen:
+    return subprocess.Popen([sys.executable, "-m", "pointglass.viewer", *map(str, arguments)], cwd=ROOT, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def run(*arguments) -> subprocess.CompletedProcess:
+    process = start(*arguments)
+    out, err = process.communicate(timeout=240)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def children(pid: int) -> list[int]:
+    try:
+        tasks = [*Path(f"/proc/{pid}/task").iterdir()]
+        return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+    except OSError:
+        return []
+
+
+def hidden(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.name.startswith(".") or "partial" in path.name]
+
+
+@pytest.fixture(scope="module")
+def pictures(scan, cameras, tmp_path_factory) -> dict[str, bytes]:
+    """Those of one process; the grid is in the cache then."""
+    out = tmp_path_factory.mktemp("pictures") / "out"
+    assert run("render", scan, "--cameras", cameras, "--out", out, "--view", "filled").returncode == 0
+    assert len(content(out)) == FRAMES
+    return content(out)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, tmp_path, workers):
+    out = tmp_path / "out"
+    line = "render", scan, "--cameras", cameras, "--out", out, "--view", "filled", "--workers", workers
+    ended = run(*line, "--shard", "1/2", "--verbose")
+    assert ended.returncode == 0 and f"{workers} worker process" in ended.stderr
+    ended = run(*line, "--resume")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == f"{FRAMES} pictures in {out} ({FRAMES // 2} pictures already there)\n"
+    assert content(out) == pictures
+
+
+def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp_path):
+    rng = random.Random(seed := random.getrandbits(32))
+    process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
+    while not (workers := children(process.pid)):
+        assert process.poll() is None
+        time.sleep(0.02)
+    time.sleep(rng.uniform(0, 1.5))
+    victim = rng.choice(children(process.pid) or workers)
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(victim, signal.SIGKILL)
+    _, err = process.communicate(timeout=240)
+    assert process.returncode == 0, (seed, err)
+    assert content(tmp_path / "out") == pictures, seed
+    assert hidden(tmp_path) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_command_and_workers_and_leaves_whole_pictures(scan, cameras, pictures, tmp_path, number):
+    rng = random.Random(seed := random.getrandbits(32))
+    process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
+    while not (workers := children(process.pid)):
+        assert process.poll() is None
+        time.sleep(0.02)
+    time.sleep(rng.uniform(0, 1.5))
+    workers = {*workers, *children(process.pid)}
+    process.send_signal(number)
+    begun = time.monotonic()
+    _, err = process.communicate(timeout=240)
+    assert time.monotonic() - begun < 8, seed
+    assert (process.returncode, err) in ((130, "pointglass: stopped\n"), (0, "")), (seed, err)
+    time.sleep(0.1)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers), seed
+    made = content(tmp_path)
+    assert {Path(name).name for name in made} <= set(pictures) and hidden(tmp_path) == [], seed
+    assert all(pictures[Path(name).name] == data for name, data in made.items()), seed
+
+
+def test_an_error_in_a_worker_is_one_line_and_exit_code_2(scan, cameras, pictures, tmp_path):
+    (tmp_path / "3.png").mkdir()
+    ended = run("render", scan, "--cameras", cameras, "--out", tmp_path, "--view", "filled", "--workers", 2)
+    assert ended.returncode == 2
+    assert ended.stderr.startswith(f"pointglass: {tmp_path / '3.png'}: is a folder") and ended.stderr.count("\n") == 1
+    assert hidden(tmp_path) == []
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (["--workers", "0"], "--workers '0': expected a number of processes from 1 to 256"),
+    (["--workers", "2", "--no-cache"], "--no-cache: workers open the grid from the cache"),
+    (["--scheduler", "tcp://127.0.0.1:1"], "--scheduler 'tcp://127.0.0.1:1': "),
+])  # fmt: skip
+def test_what_cannot_be_distributed_is_refused(scan, cameras, tmp_path, given, said):
+    ended = run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", *given)
+    assert ended.returncode == 2 and ended.stderr.startswith(f"pointglass: {said}") and ended.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
