@@ -1,16 +1,21 @@
-"""Two dates in a real window, by X key and pointer events: compared, and coloured in a saved picture."""
+"""Two dates in a real window, by X key and pointer events: compared, coloured in a saved picture, and side by side."""
 
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
+from dated_scans import dates_in_colour
 from PIL import Image
 from real_window import RealWindow, until, x_display
 from test_orthographic_window import shot
 
+from pointglass.viewer.work.pictures.shot_metadata import read_shot
+
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
-TOOL, START = (214, 350), (1107, 280)
-"""The icon of the tool, and its button, in a window of 1280 x 720."""
+TOOL, START, BESIDE, GRIP = (214, 350), (1107, 280), (1084, 313), (624, 345)
+"""The icon of the tool, its button, the box "side by side" and the grip of the handle, in a window of 1280 x 720."""
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +67,54 @@ def test_two_dates_are_compared_by_clicks_and_the_change_is_red(display, tmp_pat
     assert (made[:, 2] > made[:, 0] + 40).mean() < 0.01, "nothing sank"
     window.keys("ctrl+q")
     assert window.ended() == 0, "a comparison is no work to be saved"
+
+
+def shares(picture) -> tuple[float, float]:
+    """Share of red pixels left, and of blue ones right, of the handle of a saved picture, among those that are coloured."""
+    with Image.open(picture) as image:
+        pixels = np.asarray(image.convert("RGB")).astype(int)[60:-120]
+    spec = read_shot(picture).spec
+    column = round(spec.split_at * pixels.shape[1])
+    found = []
+    for side, (high, low) in ((pixels[:, :column], (0, 2)), (pixels[:, column:], (2, 0))):
+        coloured = np.ptp(side, axis=2) > 60
+        assert coloured.any()
+        found.append(float((side[..., high] > side[..., low])[coloured].mean()))
+    return found[0], found[1]
+
+
+def test_a_handle_between_two_dates_is_dragged_and_its_picture_drawn_again(display, tmp_path, seed):
+    scans = dates_in_colour(tmp_path, seed)
+    window = RealWindow(display, tmp_path, "view", *scans, "--view", "filled")
+    window.wait_for_title("·")
+    until(lambda: [*(tmp_path / "cache").glob("[!.]*/meta.json")], "all points")
+    time.sleep(4.0)
+    window.click(*TOOL)
+    time.sleep(1.0)
+    window.click(*BESIDE)
+    time.sleep(2.0)
+    first = shot(window)
+    assert read_shot(first).spec.other_edits is not None and min(shares(first)) > 0.99, "each date alone at its side"
+    x, y = GRIP
+    window.xdo("mousemove", "--sync", "--window", window.window, x, y)
+    window.xdo("mousedown", 1)
+    for step in (40, 90, 150):
+        window.xdo("mousemove", "--sync", "--window", window.window, x + step, y)
+        time.sleep(0.2)
+    window.xdo("mouseup", 1)
+    time.sleep(1.0)
+    window.keys("2")
+    time.sleep(2.0)
+    picture = shot(window)
+    spec = read_shot(picture).spec
+    assert spec.views == ("filled", "filtered") and spec.split_at == pytest.approx(0.5 + 150 / spec.camera.width, abs=0.01)
+    assert min(shares(picture)) > 0.99
+    done = subprocess.run([sys.executable, "-m", "pointglass.viewer", "render", *scans, "--like", picture, "--out",
+                           tmp_path / "again"], env=window.environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "again" / picture.name).read_bytes() == picture.read_bytes()
+    window.keys("v")
+    time.sleep(2.0)
+    assert read_shot(shot(window)).spec.other_edits is None, "all points in the whole picture"
+    window.keys("ctrl+q")
+    assert window.ended() == 0

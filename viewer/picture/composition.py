@@ -4,6 +4,7 @@ Plain NumPy.  F12, ``render --like`` and the window's canvas divide a comparison
 """
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,10 @@ def _lettering(text: str, size: int) -> np.ndarray:
     from PIL import Image, ImageDraw, ImageFont
 
     font: Any = ImageFont.load_default(size)
+    if not text.isascii():  # of a file; Pillow's own font has Latin letters only
+        import matplotlib
+
+        font = ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf", size)
     left, top, right, bottom = font.getbbox("Ag" + text)
     canvas = Image.new("L", (int(right - left) + size, int(bottom - top) + 2))
     ImageDraw.Draw(canvas).text((0, -top + 1), text, fill=255, font=font)

@@ -29,7 +29,8 @@ class PictureSpec:
     camera: at the size of the picture.  settings: their view becomes the first of ``views``.  views: one, or the two of a
     comparison, left first; () is the view of the settings.  edits: of a document.  tint: whether pixels are coloured by
     provenance.  background: a key of viewer.picture.settings.BACKGROUNDS.  split_at: share of the width at which the second
-    view begins.
+    view begins.  other_edits: of the second view, where it shows other points, such as another date; None: ``edits``.
+    side_names: what the two sides show, besides their views; () where both show the same points.
     Raises InputError naming a bad value.
     """
 
@@ -40,6 +41,8 @@ class PictureSpec:
     tint: bool = False
     background: str = field(default="plain", metadata=_COMPOSED)
     split_at: float = field(default=0.5, metadata=_COMPOSED)
+    other_edits: Edits | None = None
+    side_names: tuple[str, ...] = field(default=(), metadata=_COMPOSED)
 
     def __post_init__(self) -> None:
         views = self.views or (self.settings.view,)
@@ -50,6 +53,10 @@ class PictureSpec:
         object.__setattr__(self, "settings", replace(self.settings, view=views[0]))
         if len(views) > 2:
             raise InputError(f"views {', '.join(views)}: one can be shown, or two side by side")
+        if self.other_edits is not None and len(views) != 2:
+            raise InputError("edits of a second view: expected two views side by side")
+        if len(self.side_names) not in (0, 2):
+            raise InputError(f"{len(self.side_names)} names of sides: expected none, or two")
         if self.background not in BACKGROUNDS:
             raise InputError(f"expected one of {', '.join(BACKGROUNDS)}", option="background", value=self.background)
         if not 0 <= self.split_at <= 1:
@@ -75,6 +82,19 @@ class PictureSpec:
         return len(self.views) == 2
 
     @property
+    def sides(self) -> "tuple[PictureSpec, ...]":
+        """What is rendered, one after the other: this description, or one of each side where the sides show other points."""
+        if self.other_edits is None:
+            return (self,)
+        return tuple(replace(self, views=(view,), settings=replace(self.settings, view=view), edits=edits, other_edits=None,
+                             side_names=()) for view, edits in zip(self.views, (self.edits, self.other_edits), strict=True))
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """What each side is called in a picture."""
+        return tuple(map(", ".join, zip(self.side_names, self.views))) if self.side_names else self.views
+
+    @property
     def plain(self) -> bool:
         """Whether the picture shows no more than camera, settings and background say."""
         return self.edits.none and not (self.compares or self.tint)
@@ -93,6 +113,10 @@ class PictureSpec:
         more: dict[str, Any] = {} if self.edits.none else {"alterations": to_json(self.edits)}
         if self.compares:
             more["comparison"] = {"view": self.views[1], "split_at": self.split_at}
+            if self.other_edits is not None:
+                more["comparison"]["alterations"] = to_json(self.other_edits)
+            if self.side_names:
+                more["comparison"]["names"] = list(self.side_names)
         return {"background": self.background, "settings": to_json(self.settings), "camera": camera_to_json(self.camera),
                 **more}
 
@@ -107,13 +131,15 @@ class PictureSpec:
         settings = {key: value for key, value in found["settings"].items() if key in known}
         comparison = found.get("comparison") or {}
         other = cast(str, from_json(str, comparison.get("view", ""), "comparison.view"))
-        edits = found.get("alterations")
+        edits, others = found.get("alterations"), comparison.get("alterations")
         chosen = cast(Settings, from_json(Settings, settings, "settings"))
         return PictureSpec(
             camera_from_json(found["camera"], where), chosen, (chosen.view, other) if other else (),
             NO_EDITS if edits is None else cast(Edits, from_json(Edits, edits, "alterations")),
             background=cast(str, from_json(str, found["background"], "background")),
             split_at=cast(float, from_json(float, comparison.get("split_at", 0.5), "split_at")),
+            other_edits=None if others is None else cast(Edits, from_json(Edits, others, "comparison.alterations")),
+            side_names=cast(tuple[str, ...], from_json(tuple[str, ...], comparison.get("names", []), "comparison.names")),
         )
 
 

@@ -25,6 +25,8 @@ def render(renderer: "Renderer", spec: "PictureSpec", history: "Occlusion | None
            ) -> "Frame":
     """The views that a description shows, and those that it compares with.  more: views that are wanted besides.
 
+    Of a description with two sides that show other points: one of its ``sides``.
+
     The other arguments, and errors, as of Renderer.render.
     """
     views = tuple(dict.fromkeys((*spec.rendered_views, *more)))
@@ -36,13 +38,14 @@ def picture_of(renderer: "Renderer", spec: "PictureSpec") -> np.ndarray:
     """The picture that a description describes, as it is saved: (H, W, 3) uint8, with a transparent background (H, W, 4)."""
     composer = Composer(renderer.context)
     try:
-        return composer.compose(render(renderer, spec), spec)
+        images = [image for side in spec.sides for image in composer.images(render(renderer, side), side)]
+        return joined(images, spec.background, spec.titles, spec.split_at)
     finally:
         composer.release()
 
 
 class Composer:
-    """Develops the views of a frame as a description has them, and puts them together.
+    """Develops the views of a frame as a description has them.
 
     Each developed view is made once and kept until the frame or what it depends on changes.  Owns GL objects: release it.
     """
@@ -51,10 +54,6 @@ class Composer:
         self._programs = Programs(context)
         self._developers: dict[str, Developer] = {}
         self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
-
-    def compose(self, frame: "Frame", spec: "PictureSpec") -> np.ndarray:
-        """The picture as it is saved: (H, W, 3) uint8, with a transparent background (H, W, 4)."""
-        return joined(self.images(frame, spec), spec.background, spec.views, spec.split_at)
 
     def images(self, frame: "Frame", spec: "PictureSpec") -> list[np.ndarray]:
         """(H, W, 4) uint8, premultiplied, of each view shown, left first."""

@@ -14,7 +14,7 @@ from ...work.places.pick import nearest_pixel
 from ..flight.navigation import view_along
 from ..flight.orbit import orbited, panned, zoomed
 from ..flight.parallel_moves import zoom_of
-from .editing import metres_per_unit
+from .editing import frame_at, metres_per_unit
 
 if TYPE_CHECKING:
     from ..kit.overlay import OverlayCanvas
@@ -30,8 +30,7 @@ NEAREST = 4.0
 
 def measured_under(context: "ToolContext", position: tuple[float, float]) -> np.ndarray | None:
     """(3,) the nearest measured point around a position of the picture on the screen; None where none is near."""
-    frame = context.viewport.frame
-    if frame is None:
+    if (frame := frame_at(context, position)) is None:
         return None
     read = context.viewport.pixels.read
     depth, mask = read(frame, "depth", wait=True), read(frame, "mask", wait=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...common.errors import PointglassError
 from ...picture.clip import vector
+from ...picture.composition import split_column
 from ...preprocess.scan_description import ScanDescription
 from ...work.fits.measured import in_scene
 from ...work.fits.silhouette import beyond_silhouette
@@ -97,6 +98,29 @@ def drawn_points(context: "ToolContext") -> "Kept | None":
     return None if selection is None or selection.everything else selection.keeps
 
 
+def side_at(context: "ToolContext", position: tuple[float, float]) -> int | None:
+    """0 at the left and 1 at the right of a handle between two dates; None where the whole picture shows the same points."""
+    chosen, sides = context.session.view_settings, context.session.work.dates
+    if sides is None or not chosen.split or not context.viewport.sides.frames:
+        return None
+    return int(position[0] >= split_column(chosen.split_at, context.session.area.size[0]))
+
+
+def frame_at(context: "ToolContext", position: tuple[float, float]) -> "Frame | None":
+    """The last picture at a position of it: of the side there, where two dates are shown."""
+    side = side_at(context, position)
+    return context.viewport.frame if side is None else context.viewport.sides.frames[side]
+
+
+def points_at(context: "ToolContext", position: tuple[float, float]) -> "Kept | None":
+    """As :func:`drawn_points`, of the side at a position, where two dates are shown."""
+    side, scene, dates = side_at(context, position), context.scene, context.session.work.dates
+    if side is None or scene is None or dates is None:
+        return drawn_points(context)
+    selection = Selection.in_sight(scene, dates.edits(context.session.work.shown_edits)[side])
+    return None if selection.everything else selection.keeps
+
+
 def points_in_sight(context: "ToolContext") -> Selection | None:
     """The points of the scan shown that are drawn now; None where none is shown."""
     scene = context.scene
@@ -114,8 +138,10 @@ class Pointing:
            wait: bool = True) -> Picked | None:
         """The measured point nearest to a position in the picture, None where there is none within ``radius`` design units,
         or while the camera moves.  wait: for the picture to be read; otherwise None until it has been."""
-        frame, scene = context.viewport.frame, context.scene
-        if frame is None or scene is None or position is None or context.session.flight.moving:
+        scene = context.scene
+        if scene is None or position is None or context.session.flight.moving:
+            return None
+        if (frame := frame_at(context, position)) is None:
             return None
         if self._last is not None and self._last[0][0] is frame and self._last[0][1:] == (radius, position):
             return self._last[1]
@@ -128,7 +154,7 @@ class Pointing:
         scale = height / camera.height
         sized = camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
         found = pick(scene, sized, mask, depth, (position[0] * scale, position[1] * scale),
-                     radius=context.pixels(radius) * scale, kept=drawn_points(context))
+                     radius=context.pixels(radius) * scale, kept=points_at(context, position))
         self._last = (frame, radius, position), found
         return found
 

@@ -120,8 +120,9 @@ def draw_handle(session: Session, style: Theme, *, hovered: bool) -> None:
         draw.add_triangle_filled(
             ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
         )
-    for view, side in zip(session.screen.drawn, (-1, 1)):
-        title = VIEWS[view].title
+    names = ("", "") if session.work.dates is None else session.work.dates.names
+    for name, view, side in zip(names, session.screen.drawn, (-1, 1)):
+        title = f"{name}, {VIEWS[view].title.lower()}" if name else VIEWS[view].title
         text = imgui.calc_text_size(title)
         pad, gap = ImVec2(px(10), px(5)), px(14)
         left = x - gap - text.x - 2 * pad.x if side < 0 else x + gap

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 class ViewSettings:
     """settings: what pictures are made with.  wanted: settings that wait for their network, else None.
     split: whether views are compared, ``left`` at the left of ``split_at`` (0 to 1 of the width).
+    two_dates: whether the sides show two dates, and may have one view.
     background: what is laid behind the picture, a key of viewer.picture.background.COLOURS.
     own_weights: name -> file of the user's own weights.  network_load: the load under way.
 
@@ -44,6 +45,7 @@ class ViewSettings:
         self.settings = replace(settings, view="filled") if settings.view == "neural" else settings
         self.wanted: Settings | None = None
         self.split, self.split_at, self.left = False, 0.5, "raw"
+        self.two_dates = False
         self.background = "plain"
         self._right = "filled"
         self._put_aside: str | None = None  # the view before points were coloured by attribute
@@ -133,8 +135,15 @@ class ViewSettings:
     def compare(self, on: bool) -> None:
         """Splits the picture, raw on the left unless chosen otherwise, or undoes it."""
         self.split, self._picture.dirty = on, True
-        if on and self.shown_settings.view == self.left:
+        if on and self.shown_settings.view == self.left and not self.two_dates:
             self.show(self._right if self._right != self.left else next(v for v in VIEWS if v != self.left))
+
+    def compare_dates(self, on: bool) -> None:
+        """The sides of the handle show two dates from now on, in the view that is shown, or the same points."""
+        if on != self.two_dates:
+            self.two_dates, self._picture.dirty = on, True
+            self.left, self._left_wanted = self.settings.view if on else "raw", None
+            self.split = self.split and on
 
     def choose_left(self, view: str) -> None:
         """The left side of the comparison."""

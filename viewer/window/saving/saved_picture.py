@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...work.pictures.shot_metadata import Shot, describe_shot
-from ..viewport.viewport import scaled
+from ..viewport.planned_picture import scaled
 
 if TYPE_CHECKING:
     from ..session.session import Session

@@ -53,8 +53,7 @@ class Session:
 
     work: the document that a person works on, and its history (DocumentState).
     pointer: where it is over the picture, its pixels, else None.  lost: whether the picture shows nothing of the scene.
-    help, interface, profiler: which of them are open.
-    dragging_handle: whether the mouse holds the comparison's line.
+    help, interface, profiler: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
     open_scene, load_network, clock, wake: replaceable in tests."""
 
@@ -123,7 +122,8 @@ class Session:
         edits = work.shown_edits
         if self.scene is None or self.scene.marked is None:  # passers-by are looked for, and shown until then
             edits = replace(edits, ghosts="shown")
-        return PictureSpec(self.camera, chosen.settings, chosen.sides, edits, work.tint, chosen.background, chosen.split_at)
+        made = PictureSpec(self.camera, chosen.settings, chosen.sides, edits, work.tint, chosen.background, chosen.split_at)
+        return work.dates.spec(made) if work.dates is not None and chosen.split else made
 
     def drew(self, plan: Plan, cost: FrameCost) -> None:
         """A picture was made as planned."""

@@ -37,6 +37,7 @@ from ...work.project import (
 from ...work.reference import with_reference
 from .exact_points import ExactPoints
 from .recovery import Opening, Recoverable, opening_of
+from .two_dates import TwoDates
 
 LARGEST_SHOT = 4
 """Times the sides of the window's picture that F12 saves at most."""
@@ -63,7 +64,8 @@ class DocumentState:
     begun: the measurement that is not ended yet, None where there is none.
     reference_problem: why the assigned reference system cannot be used, None where it can.
     set_aside: numbers of stations that a tool does not draw for the moment; changes: levels of points that a comparison shows,
-    and change_legend what they mean; no part of the document.
+    and change_legend what they mean; dates: the two files at the sides of the handle, None: both sides show the same points; no
+    part of the document.
     located: path of a scan in a project -> where a person said it is, None: left out.
     digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
     autosave, until somebody takes it over."""
@@ -85,6 +87,7 @@ class DocumentState:
         self.set_aside: tuple[int, ...] = ()
         self.changes: PointLevels | None = None
         self.change_legend: Legend | None = None
+        self.dates: TwoDates | None = None
         self.located: dict[str, str | None] = {}
         self.digest = ""
         self.recovered: Recoverable | None = None
@@ -178,7 +181,7 @@ class DocumentState:
         self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
         self._note_places(opened.project)
         self.begun = opened.recovered.unsaved.begun if opened.recovered is not None else None
-        self.changes = self.change_legend = None
+        self.changes = self.change_legend = self.dates = None
         self.exact_points = ExactPoints()  # points that are still being read are of the former work
         saved = opened.document if opened.saved is None else opened.saved
         self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)

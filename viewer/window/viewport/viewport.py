@@ -25,13 +25,15 @@ from ..session.session import Session
 from .moved_picture import MovedPicture
 from .photo_layer import PhotoLayer
 from .pixel_reader import PixelReader
+from .planned_picture import as_planned
+from .points_in_picture import PointsInPicture
 from .present import Canvas
+from .side_pictures import SidePictures
 
 if TYPE_CHECKING:
     import moderngl
 
     from ...grid.scene import Scene
-    from ...picture.camera import Camera
     from ...picture.spec import PictureSpec
     from ...render.frame import Frame
     from ...render.renderer import Renderer
@@ -42,27 +44,14 @@ _KEPT_SIZES = 2  # internal resolutions besides the last one: they change while 
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
-def scaled(camera: "Camera", scale: float) -> "Camera":
-    """The same view with sides of ``scale`` times the pixels."""
-    if scale == 1.0:
-        return camera
-    return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
-
-
-def as_planned(spec: "PictureSpec", plan: "Plan", begun: str | None) -> "PictureSpec":
-    """The description of what is rendered for ``spec``, with what the plan leaves out.  begun: the network started besides."""
-    photos = "off" if plan.moving else spec.settings.photos  # in flight there is no time for them
-    settings = replace(spec.settings, lod=plan.level, quality=plan.network or begun or spec.settings.quality, photos=photos)
-    return replace(spec, camera=scaled(spec.camera, plan.scale), settings=settings, views=plan.views)
-
-
 class Viewport:
     """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
     renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
     pixels: reads its depth, mask and views.  photos: lays a photograph over it.  context: the window's.
-    canvas: what the window shows, None until something was shown.  memory: what points may take.
-    wake: called on a thread of the renderer's own when points have come.
+    sides: the pictures of a handle between two dates; ``frame`` is that of the right one then.  memory: what points may take.
+    canvas: what the window shows, None until something was shown.  wake: called on a thread of the renderer's own
+    when points have come.
     """
 
     def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
@@ -73,6 +62,8 @@ class Viewport:
         self._composer = Composer(context)
         self.pixels = PixelReader(context)
         self.photos = PhotoLayer(context, self.pixels)
+        self.sides = SidePictures(context)
+        self._points = PointsInPicture(session, self.pixels)
         self.moved = MovedPicture(context, self._programs)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
@@ -82,7 +73,6 @@ class Viewport:
         self._asked: tuple[str, ...] = ()  # the views that those stand for
         self._moved_frame: Frame | None = None  # the last picture with a moved neural picture as its filled view
         self._seen = Occlusion()
-        self._unseen: Frame | None = None  # the picture that may show no point of the scene
         self._problem: str | None = None
         self._rate = FrameRate()
 
@@ -133,10 +123,9 @@ class Viewport:
         self.renderer, self.frame, self._unreported, self._problem = renderer, None, None, None
         self._shown = self._asked = ()
         self.photos.clear()
-        self.moved.forget()
+        for part in (self.sides, self.moved, self.pixels, self._points):
+            part.forget()
         self._moved_frame = None
-        self.pixels.forget()
-        self._unseen = None
 
     def clear(self) -> None:
         """Releases the scene; the canvas shows the background."""
@@ -173,48 +162,47 @@ class Viewport:
         if renderer is None:
             return
         session.picture.contended = self.shares_processors and renderer.network_busy and not renderer.keeps_network
-        plan, spec, begun = session.screen.plan, session.spec, None
+        plan, spec = session.screen.plan, session.spec
         try:
-            begun = self.moved.prepare(spec, plan, renderer)
-            more = (*(("filled",) if plan.deferred else ()), *(("neural",) if begun else ()))
-            frame = self.frame = render(
-                renderer, as_planned(spec, plan, begun), self._seen if plan.hides else None, more=more, streaming=True,
-                defer_network=plan.deferred or begun is not None, filled_depth=self.moved.takes(spec),
-                keep_network=begun is not None or (plan.moving and renderer.keeps_network))
-            self._moved_frame = self.moved.drew(frame, spec, begun=renderer.keeps_network and begun is not None)
+            frame = self._frame_of(renderer, spec, plan)
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
             self.frame = self._unreported = None
+            self.sides.forget()
             session.failed(error if str(error) else _NO_MEMORY)
             return
-        self._shown = tuple(view if view in frame.textures else "filled" for view in plan.views)
-        self._asked, session.picture.moved = spec.views, self.moved.share
         self._rate.add(perf_counter())
         # beside a network: its time says nothing of pictures that have the processors to themselves
         self._report(replace(plan, contended=True) if renderer.keeps_network else plan, frame)
-        self._look_for_points(frame, plan)
+        self._points.look(frame, moving=plan.moving)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
 
+    def _frame_of(self, renderer: "Renderer", spec: "PictureSpec", plan: "Plan") -> "Frame":
+        """The picture as planned; of two dates that of the right one."""
+        if spec.other_edits is not None:
+            self._moved_frame = self._session.picture.moved = None
+            self.frame = self.sides.paint(renderer, spec, plan)
+            self._shown, self._asked = self.sides.views, spec.views
+            return self.frame
+        self.sides.forget()
+        begun = self.moved.prepare(spec, plan, renderer)
+        more = (*(("filled",) if plan.deferred else ()), *(("neural",) if begun else ()))
+        frame = self.frame = render(
+            renderer, as_planned(spec, plan, begun), self._seen if plan.hides else None, more=more, streaming=True,
+            defer_network=plan.deferred or begun is not None, filled_depth=self.moved.takes(spec),
+            keep_network=begun is not None or (plan.moving and renderer.keeps_network))
+        self._moved_frame = self.moved.drew(frame, spec, begun=renderer.keeps_network and begun is not None)
+        self._shown = tuple(view if view in frame.textures else "filled" for view in plan.views)
+        self._asked, self._session.picture.moved = spec.views, self.moved.share
+        return frame
+
     def follow(self) -> bool:
         """Takes the readings of the picture that have arrived.  Returns whether the session knows something new by them."""
-        self.pixels.poll()
-        if self._unseen is None or (depth := self.pixels.read(self._unseen, "depth")) is None:
-            return False
-        before, self._unseen = self._session.lost, None
-        self._session.lost = not np.isfinite(depth).any()
-        return self._session.lost != before
-
-    def _look_for_points(self, frame: "Frame", plan: "Plan") -> None:
-        """Has a picture at rest looked at for points; never while some are missing."""
-        self._unseen = None if plan.moving or frame.facts.points_missing else frame
-        if self._unseen is None:
-            self._session.lost = False
-        else:
-            self.pixels.read(frame, "depth")
+        return self._points.follow()
 
     def finish_network(self) -> bool:
         """Shows the neural view of the last picture if its network has ended since.  Returns whether it did."""
@@ -222,12 +210,18 @@ class Viewport:
         if plan is None or frame is None or renderer is None or self._session.screen.needs_picture:
             return False
         try:
+            if self.sides.frames:
+                if (done := self.sides.finish(renderer)) is not None and self.sides.complete:
+                    self._session.completed(done.cost)
+                self.frame, self._shown = self.sides.frames[1], self.sides.views
+                return done is not None
             if not renderer.finish_network(frame):
                 return False
         except DeviceLostError:
             raise
         except PointglassError as error:
             self.frame = self._unreported = None
+            self.sides.forget()
             self._session.failed(error)
             return True
         self._shown, self._moved_frame, self._session.picture.moved = plan.views, None, None
@@ -245,7 +239,7 @@ class Viewport:
             self._unreported = plan, frame
             return
         cost, facts = frame.cost, frame.facts
-        if facts.network_pending is None:
+        if facts.network_pending is None and self.sides.complete:
             self._session.drew(plan, cost)
             return
         self._session.shown(plan, hides=facts.occlusion is not None, approximations=facts.approximations,
@@ -271,8 +265,11 @@ class Viewport:
                 self.canvas.release()
             self.canvas = Canvas(self.context, self._programs, session.area.window_size)
         area = (*session.area.origin, *session.area.size)
-        shown = zip(self._shown, self._asked, strict=True) if self.frame is not None else ()
-        sides = [self._developed(view, wait=session.flight.moving, moved=view != asked) for view, asked in shown]
+        if self.sides.frames:
+            sides = self.sides.textures()
+        else:
+            shown = zip(self._shown, self._asked, strict=True) if self.frame is not None else ()
+            sides = [self._developed(view, wait=session.flight.moving, moved=view != asked) for view, asked in shown]
         column = split_column(chosen.split_at, session.area.size[0])
         self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
@@ -293,28 +290,30 @@ class Viewport:
         if self.frame is None or not self._shown:
             return None
         try:
-            return composite(read_picture(self._developed(self._shown[-1])), self._session.view_settings.background)
+            made = self.sides.textures()[-1] if self.sides.frames else self._developed(self._shown[-1])
+            return composite(read_picture(made), self._session.view_settings.background)
         except Exception:  # a lost context has no picture; this is only a thumbnail
             return None
 
     def full_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: what is shown, without the interface and at full quality, a comparison with the names of its sides;
-        None without a scene.
-
-        Raises PointglassError where it cannot be made.
-        """
+        None without a scene.  Raises PointglassError where it cannot be made."""
         session = self._session
         if self.renderer is None or min(session.area.size) == 0:
             return None
         plan, spec = session.screen.full_plan, session.spec
+        if spec.other_edits is not None:
+            session.picture.dirty |= not session.screen.exact  # a network that runs is given up
+            return self.sides.saved(self.renderer, spec, exact=session.screen.exact)
         if self.frame is None or not session.screen.exact:
             self.frame, self._shown, self._asked = render(self.renderer, spec), spec.views, spec.views
             self._report(plan, self.frame)
         images = [read_picture(self._developed(view)) for view in spec.views]
-        return joined(images, spec.background, spec.views, spec.split_at)
+        return joined(images, spec.background, spec.titles, spec.split_at)
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._composer, self.photos, self.moved, self.pixels, self._programs):
+        for owned in (self.renderer, self.canvas, self._composer, self.photos, self.sides, self.moved, self.pixels,
+                      self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

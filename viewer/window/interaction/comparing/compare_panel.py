@@ -39,6 +39,7 @@ class Comparing(Protocol):
     def unit(self, context: ToolContext) -> str: ...
     def choose(self, before: int, after: int) -> None: ...
     def start(self, context: ToolContext) -> None: ...
+    def show_beside(self, context: ToolContext, on: bool) -> None: ...
     def show(self, context: ToolContext, **chosen: Any) -> None: ...
     def show_share(self, context: ToolContext, share: float) -> None: ...
     def put_away(self, context: ToolContext) -> None: ...
@@ -68,9 +69,19 @@ def draw_panel(ui: Any, tool: Comparing, context: ToolContext) -> None:
         return
     if ui.button("Compare"):
         tool.start(context)
+    _beside(ui, tool, context)
     if tool.made is not None and tool.coloured is not None:
         ui.separator()
         _result(ui, tool, context)
+
+
+def _beside(ui: Any, tool: Comparing, context: ToolContext) -> None:
+    shown = context.session.view_settings.split and context.session.work.dates is not None
+    changed, on = ui.checkbox("side by side (V)", shown)
+    if changed:
+        tool.show_beside(context, on)
+    if ui.is_item_hovered():
+        ui.set_tooltip("the scan before left and the scan after right of a handle; each side can have its own view")
 
 
 def _file(ui: Any, label: str, parts: list[FilePart], number: int) -> int | None:

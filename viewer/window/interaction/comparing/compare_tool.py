@@ -15,6 +15,7 @@ from ....work.registration.moved_files import transforms_of
 from ....work.scan_files import FilePart, files_of
 from ...kit import icons
 from ...kit.worker import Worker
+from ...session.two_dates import dates_of
 from ..editing import end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
 from .compare_panel import draw_panel
@@ -29,7 +30,8 @@ FOLDER = "comparisons"
 
 class Compare(Tool):
     """before, after: numbers of files.  method: a key of METHODS.  registration: uncertainty (95 %), file units.
-    shown, limit, certain: as of colour_work; limit None: chosen by the changes.  made, coloured: of the last comparison."""
+    shown, limit, certain: as of colour_work; limit None: chosen by the changes.  beside: whether the handle has the two dates
+    without a comparison, too.  made, coloured: of the last comparison."""
 
     name, label, icon = "compare", "Compare", icons.COMPARE
     help = "colour a scan by how far it lies from an earlier one"
@@ -39,7 +41,7 @@ class Compare(Tool):
         self.method, self.registration = "m3c2", 0.0
         self.shown: Shown = "change"
         self.limit: float | None = None
-        self.certain = False
+        self.certain = self.beside = False
         self.made: Comparison | None = None
         self.coloured: Coloured | None = None
         self.worker: Worker | None = None
@@ -68,6 +70,19 @@ class Compare(Tool):
         return None if self._exporting is None else self._exporting[0]
 
     # ---- what is done
+
+    def show_beside(self, context: ToolContext, on: bool) -> None:
+        """Shows both dates, one at each side of a handle, or all points in the whole picture."""
+        self.beside = on
+        self._follow_dates(context)
+        context.session.view_settings.compare(on)
+
+    def _follow_dates(self, context: ToolContext) -> None:
+        """Gives the handle its two dates while a comparison is open, or they were asked for."""
+        parts, work, view = self.parts(context), context.session.work, context.session.view_settings
+        there = (self.beside or self.made is not None) and max(self.before, self.after) < len(parts)
+        work.dates = dates_of(parts, self.before, self.after) if there and self.before != self.after else None
+        view.compare_dates(work.dates is not None)
 
     def choose(self, before: int, after: int) -> None:
         """Other files are to be compared."""
@@ -103,7 +118,7 @@ class Compare(Tool):
 
     def put_away(self, context: ToolContext) -> None:
         """Points have their own colours again."""
-        self.made = self.coloured = None
+        self.made, self.coloured, self.beside = None, None, False
         context.session.work.changes = context.session.work.change_legend = None
         context.session.view_settings.show_colours()
 
@@ -137,6 +152,7 @@ class Compare(Tool):
 
     def follow(self, context: ToolContext) -> None:
         self._leave_other(context)
+        self._follow_dates(context)
         if (done := ended(self.worker, context, "The scans were not compared")) is not None:
             self.worker = None
             if done.result is not None and not done.cancelled and context.scene is not None \
@@ -167,6 +183,7 @@ class Compare(Tool):
             if worker is not None:
                 worker.cancel()
         self.before, self.after = (0, 1) if max(self.before, self.after) >= len(sources) else (self.before, self.after)
+        self.beside = False
         if self.made is not None:
             self.put_away(context)
 
