@@ -43,7 +43,7 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
     depth[rng.random(depth.shape) < 0.002] = 0
     filled = rng.integers(0, 256, (height, width, 4), dtype=np.uint8)
     measured = np.where(rng.random(depth.shape) < 0.25, 255, 0).astype(np.uint8)
-    given = [random_photo(rng, kind if k else reference.PINHOLE) for k in range(6)]
+    given = [random_photo(rng, kind if k else reference.PINHOLE) for k in range(12)]
     prepared = [prepared_photo(*photo) for photo in given]
     pool = PhotoPool(len(given), max(len(photo.words) for photo in prepared))
     for number, photo in enumerate(prepared):

@@ -11,7 +11,7 @@ from ....model.common.process.processors import in_rows
 from ....model.reference.photo_colours import BLOCK
 from .photo_loops import TILE, photograph_rows
 from .photo_pool import PhotoPool
-from .photo_surface_loops import certain_rows, count_measured, least_rows
+from .photo_surface_loops import count_measured
 
 if TYPE_CHECKING:
     import moderngl
@@ -27,8 +27,6 @@ class Pixels(Protocol):
     def write(self, data) -> None: ...
 
 
-_FEW = 32
-"""Rows of a thread at least, as in viewer.render.passes.filter_cpu."""
 _NO_NETWORK = np.empty((0, 0, 4), np.uint32)
 
 
@@ -42,16 +40,14 @@ def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, ca
     """
     height, width = depth.shape
     grid = np.empty((-(-height // BLOCK), -(-width // BLOCK)), np.float32)
-    raw, certain = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
-    made, share = filled.copy(), np.zeros((height, width), np.uint8)
+    words = np.ascontiguousarray(filled).view(np.uint32).reshape(height, width)
+    made, share = words.copy(), np.zeros((height, width), np.uint8)
     floats, places = pool.records(numbers, camera)
     lens = np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32)
     count_measured(measured, grid)
-    in_rows(height, _FEW, certain_rows, depth, raw)
-    in_rows(height, _FEW, least_rows, raw, certain)
-    in_rows(-(-height // TILE), 1, photograph_rows, filled, depth, certain, grid, lens, floats, places, pool.words,
+    in_rows(-(-height // TILE), 1, photograph_rows, words, depth, grid, lens, floats, places, pool.words,
             _NO_NETWORK if network is None else network, made, share)
-    return made, share
+    return made.view(np.uint8).reshape(filled.shape), share
 
 
 class PhotoPass:
