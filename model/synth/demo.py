@@ -33,6 +33,12 @@ SPREAD = 0.12
 """Largest deviation of a station's exposure gain from 1: as real stations differ."""
 SCALE = 0.0005
 """Metres per step of a LAS coordinate: about half the range noise at normal incidence (:class:`.scanner.ScannerModel`)."""
+METRES = (1, 1, 0, 4,
+          1024, 0, 1, 32767,  # the model: of the file's own
+          3072, 0, 1, 32767,  # the system of x and y: of the file's own
+          3076, 0, 1, 9001,  # in metres
+          4099, 0, 1, 9001)  # heights: in metres
+"""GeoTIFF keys (version 1.1.0, OGC 19-008): rows of (key, location, count, value), the first is the header."""
 SIZE, FPS, SECONDS = (960, 720), 24, 24
 """Size, pixels, frame rate and duration of the camera path.  Chosen by hand."""
 VIEWS = [
@@ -76,11 +82,16 @@ def simulate(points: int, seed: int = 1, *, place: Place | None = None,
 def write_laz(scan: SimulatedScan, path: Path) -> None:
     """Writes LAZ with an atomic write: a temporary file, then a rename.
 
-    Coordinates in steps of SCALE, 16-bit colour (8-bit value * 257), intensity, and the station as point source ID.
+    Coordinates in steps of SCALE, in metres of no reference system; 16-bit colour (8-bit value * 257), intensity, and the
+    station as point source ID.
     """
     import laspy
+    from laspy.vlrs.known import GeoKeyDirectoryVlr
 
     header = laspy.LasHeader(point_format=2, version="1.2")
+    keys = GeoKeyDirectoryVlr()
+    keys.parse_record_data(np.array(METRES, np.uint16).tobytes())
+    header.vlrs.append(keys)
     header.scales, header.offsets = np.full(3, SCALE), np.zeros(3)
     header.system_identifier, header.generating_software = "simulated", "pointglass"
     header.creation_date = None  # so that the same scan always gives the same bytes
