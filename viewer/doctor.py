@@ -24,7 +24,8 @@ from .doctor_probes import GB, PROBES, item
 
 LIBRARIES = (
     "av", "brotli", "ezdxf", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "obstore",
-    "open3d", "pillow", "platformdirs", "pye57", "pyproj", "safetensors", "scipy", "torch", "tqdm", "zstandard",
+    "open3d", "pillow", "platformdirs", "pye57", "pyproj", "safetensors", "scipy", "torch", "tqdm", "trimesh",
+    "zstandard",
 )  # fmt: skip
 """Dependencies in pyproject.toml, for a checkout that is run without being installed."""
 OPTIONAL = ("cuda-core", "cuda-bindings", "flip-evaluator", "plyfile", "tensorboard")

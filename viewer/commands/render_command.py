@@ -12,6 +12,8 @@ from ..common.files import out_folder
 from ..common.replaced_files import replaced_told
 from ..common.text import counted
 from ..common.workers.run_tasks import run_tasks
+from ..readers.meshes.mesh_formats import scans_and_meshes
+from .mesh_files import beside, with_meshes
 from .neural_setup import check_weights
 from .options import memory_of
 from .photo_option import give_photographs, photographs_of_folder
@@ -29,9 +31,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Pictures:
-    """What each process opens to make pictures.  options: of the command.  shot: of ``--like``."""
+    """What each process opens to make pictures.  options: of the command.  scans: its files that are no meshes.  shot: of
+    ``--like``."""
 
     options: argparse.Namespace
+    scans: list[Path]
     settings: "Settings"
     memory: "Memory"
     exposures: str
@@ -42,8 +46,8 @@ class _Pictures:
         from ..work.ghosts import prepared
 
         options, shot = self.options, self.shot
-        scene = open_scene(options.scans, cache=not options.no_cache, match=self.exposures == "matched",
-                           columns=options.columns, moves=moves_as(options.scans, shot.moves if shot else ()))
+        scene = open_scene(self.scans, cache=not options.no_cache, match=self.exposures == "matched",
+                           columns=options.columns, moves=moves_as(self.scans, shot.moves if shot else ()))
         return prepared(scene, shot.spec.edits.ghosts) if shot else scene
 
     @contextmanager
@@ -82,9 +86,10 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
 
     workers, memory = workers_of(options), memory_of(options)
     check_cached(options, workers)
+    scans, meshes = scans_and_meshes(options.scans)
     exposures, shot, size = options.exposures, None, parse_size(options.size) if options.size else None
     if options.like:
-        shot = read_shot(options.like)
+        shot = with_meshes(read_shot(options.like), meshes, scans, options.like)
         settings, exposures = shot.spec.settings, shot.exposures
         specs = [shot.spec if size is None else replace(shot.spec, camera=shot.spec.camera.resized(*size))]
     else:
@@ -94,13 +99,15 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
     specs = specs[part::parts]
     check_weights(settings)
     photographs = photographs_of_folder(settings)
-    work = _Pictures(options, settings, memory, exposures, shot)
+    work = _Pictures(options, scans, settings, memory, exposures, shot)
     written = picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)
 
     def tell(scene: "Scene") -> None:
         from ..grid.open_scene import say_degrees
 
         say_degrees(scene)
+        if meshes and not shot:
+            specs[:] = beside(specs, meshes, scene)
         if shot:
             _tell_differences(options.like, scene, shot, exposures)
 

@@ -11,7 +11,7 @@ from ..common.files import out_folder, write_array, write_png, write_together
 from ..common.progress import progress
 from ..common.text import whole_number
 from ..picture.background import as_saved
-from ..picture.provenance import provenance, views_with_mask
+from ..picture.provenance import views_with_mask
 from ..work.pictures.finished_pictures import is_finished
 from ..work.pictures.shot_metadata import KEY, Shot, cannot_repeat, describe_shot
 
@@ -105,16 +105,18 @@ def _picture(image: "np.ndarray", renderer: "Renderer", shot: Shot) -> Files:
 
 def _with_aux(renderer: "Renderer", shot: Shot) -> Files:
     """The files of a picture that shows one view as it is rendered."""
-    from ..render.described_picture import render
+    from ..render.described_picture import Composer, render
 
     name, spec = _stem(shot), shot.spec
-    view = spec.views[0]
-    frame = render(renderer, spec, more=views_with_mask(view))
-    image, mask, photographs = frame.image(view), frame.mask(), frame.from_photographs()
+    frame, composer = render(renderer, spec, more=views_with_mask(spec.views[0])), Composer(renderer.context)
+    try:
+        image, origin, mask = composer.images(frame, spec)[0], composer.provenance(frame, spec), frame.mask()
+    finally:
+        composer.release()
     return _picture(as_saved(image, spec.background), renderer, shot) | {
         f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
         f"{name}.mask.npy": lambda path: write_array(path, mask),
-        f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask, photographs), _PROVENANCE_TEXT),
+        f"{name}.provenance.png": lambda path: write_png(path, origin, _PROVENANCE_TEXT),
         f"{name}.stats.json": lambda path: write_json(path, frame.stats),
     }
 

@@ -16,9 +16,10 @@ import numpy.typing as npt
 from ..common.errors import DeviceError, InputError, is_opengl_error
 from ..common.progress import progress
 from ..picture.camera import Camera
-from ..picture.provenance import provenance, views_with_mask
+from ..picture.provenance import views_with_mask
 from ..picture.settings import Memory, Settings
 from ..picture.views import ViewName
+from .add_meshes import BesideMeshes
 from .arguments import PathLike, RenderSettings, cameras_of, memory_of, path_of, python_names, settings_of
 from .facts_table import facts_table
 from .measured_points import Points
@@ -28,10 +29,11 @@ from .scan_photographs import Photograph, photographs_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
+    from ..picture.meshes.mesh_layer import MeshLayer
     from ..render.renderer import Renderer
 
 
-class Scan(ScanOutputs):
+class Scan(BesideMeshes, ScanOutputs):
     """An open scan; made by :func:`open` or :func:`from_points`.  A context manager: leaving it closes the scan.
 
     The first picture makes an OpenGL context without a window, which lives until :meth:`close`.  A scan makes all its pictures
@@ -42,6 +44,7 @@ class Scan(ScanOutputs):
     def __init__(self, scene: Scene, name: str, memory: Memory):
         self._scene: Scene | None = scene
         self._name, self._memory = name, memory
+        self._meshes: tuple[MeshLayer, ...] = ()
         self._drawing: tuple[Any, Renderer] | None = None  # the context and what draws in it, once there is a picture
         self._owner: tuple[int, threading.Thread] | None = None  # process and thread of the first picture
         self._busy = threading.Lock()
@@ -147,20 +150,24 @@ class Scan(ScanOutputs):
     def _picture(self, scene: Scene, camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
         from ..commands.photo_option import use_photographs
         from ..picture.spec import PictureSpec
-        from ..render.described_picture import render
+        from ..render.described_picture import Composer, render
         from ..work.pictures.shot_metadata import describe_shot
 
-        spec, view = PictureSpec(camera, chosen, background="black"), chosen.view
+        spec, view = PictureSpec(camera, chosen, edits=self._edits, background="black"), chosen.view
         try:
             context, renderer = self._drawing or self._begin(scene)
             use_photographs(renderer, chosen)
             with context:  # another scan's context, or somebody else's, may be the current one
                 frame = render(renderer, spec, more=views_with_mask(view) if full else ())
-                image = as_picture(frame.image(view).copy(), describe_shot(scene, spec).drawn_with(renderer.choice.timed))
-                if not full:
-                    return image
-                mask, photos = frame.mask(), frame.from_photographs()
-                return Frame(image, frame.depth().copy(), mask, provenance(view, np.asarray(image), mask, photos), frame.stats)
+                composer = Composer(context)
+                try:
+                    pixels = composer.image(frame, view, spec).copy()
+                    image = as_picture(pixels, describe_shot(scene, spec).drawn_with(renderer.choice.timed))
+                    if not full:
+                        return image
+                    return Frame(image, frame.depth().copy(), frame.mask(), composer.provenance(frame, spec), frame.stats)
+                finally:
+                    composer.release()
         except Exception as error:
             if is_opengl_error(error):
                 size = f"{camera.width}x{camera.height}"
@@ -255,7 +262,8 @@ def open(
     cache: bool = True,
     gpu_memory: int | None = None,
 ) -> Scan:
-    """Opens a scan: a file, several files of one place, or a folder that ``pointglass convert`` made.
+    """Opens a scan: a file, several files of one place, or a folder that ``pointglass convert`` made; mesh files (glTF, OBJ,
+    STL, PLY with faces) are laid beside it as :meth:`Scan.add_mesh` does.
 
     The first time, the files are read and a grid is built, and kept in the cache folder; after that opening takes milliseconds.
     exposures: matched: scans of one place are given the same brightness; as-scanned: colours as in the file.
@@ -265,15 +273,19 @@ def open(
     Raises InputError, one line, for anything wrong with the files or the cache folder.
     """
     from ..grid.open_scene import open_scene
+    from ..readers.meshes.mesh_formats import scans_and_meshes
 
-    files = [path_of(path) for path in paths]
+    files, meshes = scans_and_meshes([path_of(path) for path in paths])
     if exposures not in ("matched", "as-scanned"):
         raise InputError("expected matched or as-scanned", option="exposures", value=exposures)
     memory = Memory(gpu=memory_of(gpu_memory))
     with python_names():
         scene = open_scene(files, cache=cache, match=exposures == "matched", columns=columns)
     name = files[0].name + (f" and {len(files) - 1} more" if len(files) > 1 else "")
-    return Scan(scene, name, memory)
+    scan = Scan(scene, name, memory)
+    for mesh in meshes:
+        scan.add_mesh(mesh)
+    return scan
 
 
 @cache

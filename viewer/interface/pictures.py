@@ -135,7 +135,7 @@ class Frame:
         filter: it has a value where the mask is False because the points there are hidden.
     mask: (H, W) bool, True where points were kept by the filter (it runs for the mask in the raw view too).
     provenance: (H, W) uint8, a key of PROVENANCE: 0 background, 1 measured, 2 measured and repainted by the network, 3 filled,
-        4 from a photograph.  In the raw view every pixel shown is 1, also where the mask is False.
+        4 from a photograph, 5 a mesh.  In the raw view every point shown is 1, also where the mask is False.
     stats: ``total_ms``, milliseconds by stage, points and cells drawn, network and device, approximations in force.
     """
 

@@ -13,6 +13,7 @@ from ..common.errors import InputError
 from .clip import Clip, Vector, active
 from .json_values import UNLESS_DEFAULT
 from .look import Look
+from .meshes.mesh_layer import MOST_MESHES, MeshLayer
 from .point_sets import NO_POINTS, PointLevels, PointSet
 from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
@@ -40,7 +41,7 @@ class Edits:
     scene's ghosts are marked (Scene.marked).
     hidden_classes: codes of the classes that are not drawn.  regions: named sets of points.  reclassified: points that have
     another class than in their file, each in one entry.  selection: points that are tinted.  changes: levels of points, which
-    colour them in place of the look; of a comparison in the window, never stored.
+    colour them in place of the look; of a comparison in the window, never stored.  meshes: laid beside the points.
     Raises InputError naming a bad value.
     """
 
@@ -55,6 +56,7 @@ class Edits:
     reclassified: tuple[ClassChange, ...] = field(default=(), metadata=UNLESS_DEFAULT)
     selection: PointSet = field(default=NO_POINTS, metadata=UNLESS_DEFAULT)
     changes: PointLevels | None = field(default=None, metadata={"not_stored": True})
+    meshes: tuple[MeshLayer, ...] = field(default=(), metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
@@ -71,6 +73,8 @@ class Edits:
             raise InputError(f"classes {given} given to points: each has one entry")
         if len(given) > MOST_CHANGES:
             raise InputError(f"points are given {len(given)} classes: {MOST_CHANGES} can be at once")
+        if len(self.meshes) > MOST_MESHES:
+            raise InputError(f"{len(self.meshes)} meshes: {MOST_MESHES} can be shown at once")
 
     @property
     def none(self) -> bool:

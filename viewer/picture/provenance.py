@@ -7,13 +7,14 @@ import numpy as np
 
 from .views import VIEWS
 
-BACKGROUND, MEASURED, REPAINTED, FILLED, PHOTOGRAPHED = range(5)
+BACKGROUND, MEASURED, REPAINTED, FILLED, PHOTOGRAPHED, MODELLED = range(6)
 PROVENANCE: dict[int, str] = {
     BACKGROUND: "background: nothing is shown",
     MEASURED: "measured: points in this pixel, kept by the filter",
     REPAINTED: "measured, and repainted by the network",
     FILLED: "filled: no point in this pixel was kept; interpolated, and in the neural view repainted",
     PHOTOGRAPHED: "from a photograph, on a surface that is measured or filled between agreeing neighbours",
+    MODELLED: "a mesh laid beside the scan, nearer than what the scan shows there",
 }
 
 

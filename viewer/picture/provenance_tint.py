@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .provenance import BACKGROUND, FILLED, MEASURED, PHOTOGRAPHED, REPAINTED, provenance
+from .provenance import BACKGROUND, FILLED, MEASURED, MODELLED, PHOTOGRAPHED, REPAINTED, provenance
 
 COLOURS: dict[int, tuple[int, int, int]] = {
     BACKGROUND: (60, 64, 72), MEASURED: (64, 190, 120), REPAINTED: (170, 90, 230), FILLED: (245, 160, 40),
-    PHOTOGRAPHED: (60, 150, 240),
+    PHOTOGRAPHED: (60, 150, 240), MODELLED: (235, 235, 235),
 }  # fmt: skip
 """sRGB; chosen to be told apart with any colour vision (green, violet, orange differ in lightness and hue)."""
 NAMES: dict[int, str] = {

@@ -15,6 +15,7 @@ from ..common.errors import InputError
 from .camera import Camera
 from .edits import NO_EDITS, Edits
 from .json_values import from_json, to_json
+from .meshes.mesh_layer import shown_meshes
 from .settings import BACKGROUNDS, Settings
 from .views import VIEWS
 
@@ -73,8 +74,16 @@ class PictureSpec:
         return other is not None and self._values(composed=False) == other._values(composed=False)
 
     def _values(self, *, composed: bool = True) -> tuple:
-        return tuple(self.camera.key if each.name == "camera" else getattr(self, each.name) for each in fields(self)
-                     if composed or "composed" not in each.metadata)
+        values = {each.name: self.camera.key if each.name == "camera" else getattr(self, each.name) for each in fields(self)
+                  if composed or "composed" not in each.metadata}
+        if not composed and self.edits.meshes:  # laid over what was rendered, which must have the depth for it
+            values["edits"] = replace(self.edits, meshes=()), self.shows_meshes
+        return tuple(values.values())
+
+    @property
+    def shows_meshes(self) -> bool:
+        """Whether a mesh lies beside the points of the picture."""
+        return bool(shown_meshes(self.edits.meshes))
 
     @property
     def compares(self) -> bool:
@@ -96,8 +105,8 @@ class PictureSpec:
 
     @property
     def plain(self) -> bool:
-        """Whether the picture shows no more than camera, settings and background say."""
-        return self.edits.none and not (self.compares or self.tint)
+        """Whether the picture shows no more than camera, settings, background and meshes say."""
+        return replace(self.edits, meshes=()).none and not (self.compares or self.tint)
 
     @property
     def rendered_views(self) -> tuple[str, ...]:
@@ -106,15 +115,17 @@ class PictureSpec:
         return tuple(dict.fromkeys((*self.views, *(("filtered",) if measured else ()))))
 
     def to_json(self) -> dict[str, Any]:
-        """An object that :meth:`from_json` turns into the same description.  Raises ValueError for the tint, which the format
-        does not hold."""
+        """An object that :meth:`from_json` turns into the same description, but for the paths of meshes, of which it has the
+        names: a picture that is passed on tells nobody's folders.  Raises ValueError for the tint, which the format does not
+        hold."""
         if self.tint:
             raise ValueError("the tint of provenance is not part of a stored description")
-        more: dict[str, Any] = {} if self.edits.none else {"alterations": to_json(self.edits)}
+        edits = _with_names(self.edits)
+        more: dict[str, Any] = {} if edits.none else {"alterations": to_json(edits)}
         if self.compares:
             more["comparison"] = {"view": self.views[1], "split_at": self.split_at}
             if self.other_edits is not None:
-                more["comparison"]["alterations"] = to_json(self.other_edits)
+                more["comparison"]["alterations"] = to_json(_with_names(self.other_edits))
             if self.side_names:
                 more["comparison"]["names"] = list(self.side_names)
         return {"background": self.background, "settings": to_json(self.settings), "camera": camera_to_json(self.camera),
@@ -141,6 +152,11 @@ class PictureSpec:
             other_edits=None if others is None else cast(Edits, from_json(Edits, others, "comparison.alterations")),
             side_names=cast(tuple[str, ...], from_json(tuple[str, ...], comparison.get("names", []), "comparison.names")),
         )
+
+
+def _with_names(edits: Edits) -> Edits:
+    """With the names of meshes in place of their paths."""
+    return replace(edits, meshes=tuple(replace(layer, path=layer.name) for layer in edits.meshes)) if edits.meshes else edits
 
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:

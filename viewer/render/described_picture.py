@@ -3,18 +3,24 @@
 The window, F12, ``render``, films and Python all make their pictures here, so that the same description gives the same bytes.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..picture.composition import joined
+from ..picture.provenance import MODELLED, provenance
+from ..picture.views import VIEWS
+from ..readers.meshes.mesh_store import mesh_of
 from .device.shader import Programs
+from .meshes.mesh_pass import MeshPass, model_pixels
 from .passes.develop import Developer, needs, read_picture
 
 if TYPE_CHECKING:
     import moderngl
 
     from ..picture.spec import PictureSpec
+    from ..readers.meshes.mesh_data import MeshData
     from .culling.occlusion import Occlusion
     from .frame import Frame
     from .renderer import Renderer
@@ -31,7 +37,7 @@ def render(renderer: "Renderer", spec: "PictureSpec", history: "Occlusion | None
     """
     views = tuple(dict.fromkeys((*spec.rendered_views, *more)))
     return renderer.render(spec.camera, spec.settings, views, history, streaming=streaming, defer_network=defer_network,
-                           edits=spec.edits, filled_depth=filled_depth, keep_network=keep_network)
+                           edits=spec.edits, filled_depth=filled_depth or spec.shows_meshes, keep_network=keep_network)
 
 
 def picture_of(renderer: "Renderer", spec: "PictureSpec") -> np.ndarray:
@@ -47,21 +53,56 @@ def picture_of(renderer: "Renderer", spec: "PictureSpec") -> np.ndarray:
 class Composer:
     """Develops the views of a frame as a description has them.
 
-    Each developed view is made once and kept until the frame or what it depends on changes.  Owns GL objects: release it.
+    Each developed view is made once and kept until the frame or what it depends on changes.  mesh_of: the triangles of a mesh's
+    path, read where they are not in memory; None: that mesh is left out.  Owns GL objects: release it.
     """
 
-    def __init__(self, context: "moderngl.Context"):
-        self._programs = Programs(context)
+    def __init__(self, context: "moderngl.Context", mesh_of: "Callable[[str], MeshData | None]" = mesh_of):
+        self._programs, self._mesh_of = Programs(context), mesh_of
         self._developers: dict[str, Developer] = {}
+        self._meshes: MeshPass | None = None
         self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
 
     def images(self, frame: "Frame", spec: "PictureSpec") -> list[np.ndarray]:
         """(H, W, 4) uint8, premultiplied, of each view shown, left first."""
-        return [read_picture(self.texture(frame, view, spec)) if self._developed(frame, view, spec) else frame.image(view)
-                for view in spec.views]
+        return [self.image(frame, view, spec) for view in spec.views]
+
+    def image(self, frame: "Frame", view: str, spec: "PictureSpec") -> np.ndarray:
+        """(H, W, 4) uint8, premultiplied, of a view of the frame."""
+        if spec.shows_meshes or self._developed(frame, view, spec):
+            return read_picture(self.texture(frame, view, spec))
+        return frame.image(view)
+
+    def provenance(self, frame: "Frame", spec: "PictureSpec") -> np.ndarray:
+        """(H, W) uint8: where each pixel of the first view comes from, a key of viewer.picture.provenance.PROVENANCE."""
+        view = spec.views[0]
+        found = provenance(view, frame.image(view), frame.mask(), frame.from_photographs())
+        if spec.shows_meshes:
+            found[model_pixels(frame, view, self.meshes(frame).draw(frame, spec.edits))] = MODELLED
+        return found
 
     def texture(self, frame: "Frame", view: str, spec: "PictureSpec") -> "moderngl.Texture":
-        """A view of the frame with the look, tint and lock of ``spec``: the frame's own texture where they change nothing."""
+        """A view of the frame with the look, tint, lock and meshes of ``spec``: the frame's own texture where they change
+        nothing.  Raises InputError where a mesh cannot be read."""
+        developed = self._developed_view(frame, view, spec)
+        if not spec.shows_meshes:
+            return developed
+        meshes = self.meshes(frame)
+        developer = self._developers.get(view)
+        shaped = developed is not frame.textures[view] and VIEWS[view].shows_points and spec.edits.look.shapes_points
+        points = developer.nearest if shaped and developer and frame.ratio_depth is frame.depth_texture else None
+        return meshes.over(frame, view, developed, spec.edits, points, tint=spec.tint)
+
+    def meshes(self, frame: "Frame") -> MeshPass:
+        """The pass that draws meshes at the frame's size."""
+        if self._meshes is None or self._meshes.size != frame.depth_texture.size:
+            if self._meshes is not None:
+                self._meshes.release()
+            self._meshes = MeshPass(self._programs, frame.depth_texture.size, self._mesh_of)
+        return self._meshes
+
+    def _developed_view(self, frame: "Frame", view: str, spec: "PictureSpec") -> "moderngl.Texture":
+        """Without the meshes."""
         plain = frame.textures[view]
         asked = self._developed(frame, view, spec)
         if asked is None:
@@ -92,4 +133,7 @@ class Composer:
             developer.release()
         self._developers.clear()
         self._made.clear()
+        if self._meshes is not None:
+            self._meshes.release()
+            self._meshes = None
         self._programs.release()

@@ -22,7 +22,7 @@ ORDER = {
 }
 """The rooms, in the order in which data flows: each imports only from those before it."""
 WINGS: dict[str, list[str]] = {
-    "viewer.render": ["device", "culling", "raster", "passes", "photographs", "network", ""],
+    "viewer.render": ["device", "culling", "raster", "passes", "photographs", "meshes", "network", ""],
     "viewer.window": ["kit", "file_dialog", "flight", "planning", "session", "viewport", "saving", "interaction", "panels",
                       "shell"],
 }

@@ -48,13 +48,14 @@ class Rendered(Protocol):
 
 
 class Developer:
-    """Owns two targets and the tables of one picture size."""
+    """Owns two targets and the tables of one picture size.  nearest: R32F, depth of the pixels of enlarged points, +inf where
+    there is none; of the last picture whose points were enlarged."""
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
         context = programs.context
         self.context, self.size, self._programs = context, size, programs
         self._targets = [context.texture(size, 4, dtype="f1") for _ in range(2)]
-        self._depth = context.texture(size, 1, dtype="f4")
+        self.nearest = context.texture(size, 1, dtype="f4")
         self._curves = context.texture((256, 1), 4, dtype="u1", alignment=1)
         self._offsets: moderngl.Texture | None = None
         self._passes: dict[tuple[str, ...], Pass] = {}
@@ -103,10 +104,10 @@ class Developer:
             self._offsets = self.context.texture((len(offsets), 1), 2, offsets.tobytes(), dtype="i4")
             self._disc = look.point_size
         inputs = {"picture": picture, "depth": depth, "offsets": self._offsets} | ({"mask": mask} if mask is not None else {})
-        picture = self._run("look_points.comp", inputs, more={"nearest": self._depth}, MASKED=1 if mask is not None else None)
+        picture = self._run("look_points.comp", inputs, more={"nearest": self.nearest}, MASKED=1 if mask is not None else None)
         if look.edl > 0:
             settings = {"gain": EDL_GAIN * look.edl, "radius": eye_dome_radius(self.size[1])}
-            picture = self._run("look_eye_dome.comp", {"picture": picture, "depth": self._depth}, settings)
+            picture = self._run("look_eye_dome.comp", {"picture": picture, "depth": self.nearest}, settings)
         return picture
 
     def _run(self, shader: str, inputs: "dict[str, moderngl.Texture]", uniforms: "dict[str, Any] | None" = None, *,
@@ -122,7 +123,7 @@ class Developer:
         return target
 
     def release(self) -> None:
-        for texture in (*self._targets, self._depth, self._curves, self._offsets):
+        for texture in (*self._targets, self.nearest, self._curves, self._offsets):
             if texture is not None:
                 texture.release()
 

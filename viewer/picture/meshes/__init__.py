@@ -1,0 +1,1 @@
+"""Meshes beside the points, as values of a picture and a document."""
