@@ -128,8 +128,8 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     The folder has the format of ``convert``.  Raises InputError if the disk has too little space.
     """
     from ..grid import cache
+    from ..grid.build_scene import in_memory
     from ..grid.building.two_passes import build_grid
-    from ..grid.open_scene import in_memory
     from ..preprocess.scan_description import ColourSummary, ScanDescription
 
     def build(_files, allocate, folder: Path | None = None) -> Scene:

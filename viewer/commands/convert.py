@@ -10,7 +10,8 @@ from ..common.errors import InputError
 from ..common.file_names import inside
 from ..common.text import counted
 from ..grid import cache
-from ..grid.open_scene import as_paths, build_scene, each_once, present, say_degrees
+from ..grid.build_scene import build_scene
+from ..grid.open_scene import as_paths, each_once, present, say_degrees
 from ..grid.scene import Scene
 from ..preprocess.scan_description import ScanWarning, WarningTopic
 

@@ -76,9 +76,20 @@ def duration_text(seconds: float) -> str:
 
 
 @contextmanager
+def named_progress(name: str) -> Iterator[None]:
+    """Labels of progress on this thread begin with ``name``: which of several files it is of."""
+    before = getattr(_local, "name", "")
+    _local.name = f"{before}{name}: "
+    try:
+        yield
+    finally:
+        _local.name = before
+
+
+@contextmanager
 def progress(total: int, label: str, unit: str = "") -> Iterator[Progress]:
     """A progress meter over ``total`` units (0: unknown) with a plain-words ``label``."""
-    sink = getattr(_local, "sink", None)
+    sink, label = getattr(_local, "sink", None), getattr(_local, "name", "") + label
     bar, lines = None, None
     if sink is None and sys.stderr is not None and not sys.stderr.isatty():
         lines = unit.strip()

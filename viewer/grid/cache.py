@@ -64,11 +64,12 @@ class CacheError(InputError):
     """The cache folder cannot be used; the scan itself may be fine."""
 
 
-def folder_of(files: list[Path], match: bool = True, columns: str | None = None, moves: Moves | None = None) -> Path:
+def folder_of(files: list[Path], match: bool = True, columns: str | None = None, moves: Moves | None = None,
+              layers: int | None = None) -> Path:
     """The cache folder for the grid of these files; another folder once a file has changed, or been moved otherwise.  match,
-    columns, moves: as for viewer.grid.open_scene."""
+    columns, moves: as for viewer.grid.open_scene.  layers: of a grid that is part of a place; None: it is a scene by itself."""
     versions, moved = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS], moves_of_files(files, moves)
-    more = [*([columns] if columns else []), *([{"moves": moved}] if moved else [])]
+    more = [*([columns] if columns else []), *([{"moves": moved}] if moved else []), *([{"layers": layers}] if layers else [])]
     key = json.dumps([*versions, _identity(files), match, *more]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
@@ -123,7 +124,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     for name, dtype in _ARRAYS.items():
         if name in _OPTIONAL and name not in header.shapes:
             continue
-        array = _mapped(folder / f"{name}.npy")
+        array = mapped(folder / f"{name}.npy")
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
         if name not in _COLUMNS:
@@ -170,7 +171,7 @@ def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel |
     return NoiseModel(header.origin, header.voxel, sigma, header.curve, header.overall, header.neighbourhoods)
 
 
-def _mapped(path: Path) -> np.ndarray:
+def mapped(path: Path) -> np.ndarray:
     """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where there is none."""
     if not path.is_file():  # opening a pipe would block
         raise DamagedGrid(f"{path.name} is no file")

@@ -7,6 +7,8 @@ first few are spread as evenly as the whole run.  Layers that double would give 
 runs, each of which is a GPU workgroup.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 COARSEST = 1 << 15
@@ -21,6 +23,17 @@ PARTS = 64
 add 22 %, more than the 20 % by which drawing points may exceed its time (viewer.window.planning.adaptive_lod)."""
 EARLIER_PARTS = 8
 """Parts of a run in folders that earlier versions converted, whose layers double."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """What the grids of a place have in common, so that they can be joined (viewer.grid.place).
+
+    cell_size: file units, a power of two; None: as the points of the file ask for.  layers: number of density layers.
+    """
+
+    cell_size: float | None = None
+    layers: int = MAX_LAYERS
 
 
 def _reversed(parts: int) -> np.ndarray:

@@ -17,22 +17,18 @@ from ..common.errors import InputError, Option
 from ..preprocess.scan_description import (
     NO_DESCRIPTION,
     ColourSummary,
-    RecordOrigin,
     ScanDescription,
-    ScanWarning,
     WarningTopic,
 )
-from ..readers.moved_source import moves_of_files, refuse_moved_grid
-from .records.point_records import identity_of
+from ..readers.moved_source import refuse_moved_grid
+from .build_scene import build_scene, in_memory, warnings_of
 from .scene import Scene
 
 if TYPE_CHECKING:
     from ..common.rigid_transform import Rows
     from ..readers.moved_source import Moves
-    from ..readers.source import Source
 
 _log = logging.getLogger(__name__)
-_IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file
 
 
 def open_scene(
@@ -47,11 +43,13 @@ def open_scene(
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
     moves: the rigid transformations of scans that a project has moved; None: all stay where their files have them.
+    Many or large files have a grid each, which the scene joins (viewer.grid.place.open_place).
     Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
     progress is cancelled.
     """
     from . import cache as stored
+    from .place.open_place import is_place, open_place
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
@@ -62,16 +60,29 @@ def open_scene(
                              remedy=("give the scan itself, or convert it again with ", Option("--exposures", "as-scanned")))
         return scene
     files, left_out = present(files)
-    if not cache:
+    if cache and is_place(files):
+        scene, unread = open_place(files, match=match, columns=columns, moves=moves)
+        left_out += unread
+    elif not cache:
         scene = build_scene(files, in_memory, match=match, columns=columns, moves=moves)
     else:
         build = partial(build_scene, match=match, columns=columns, moves=moves)
         scene = stored.load_or_build(files, build, match=match, columns=columns, moves=moves)
     if left_out:
-        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *_left_out(left_out))))
+        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *warnings_of(left_out))))
     for warning in scene.meta.warnings_about(WarningTopic.LEFT_OUT):
         _log.warning("%s", warning)
     return scene
+
+
+def is_cached(files: list[Path], match: bool = True, columns: str | None = None, moves: "Moves | None" = None) -> bool:
+    """Whether the grids of files are in the cache, so that nothing is converted.  match, columns, moves: as for open_scene."""
+    from . import cache as stored
+    from .place.open_place import is_place, missing_grids
+
+    if is_place(files):
+        return not missing_grids(files, match=match, columns=columns, moves=moves)
+    return (stored.folder_of(files, match, columns, moves) / "meta.json").is_file()
 
 
 def present(files: list[Path]) -> tuple[list[Path], list[InputError]]:
@@ -93,80 +104,10 @@ def present(files: list[Path]) -> tuple[list[Path], list[InputError]]:
     return found, left_out
 
 
-def _left_out(errors: Iterable[InputError]) -> list[ScanWarning]:
-    """The warnings about files that could not be opened."""
-    return [ScanWarning(str(error), WarningTopic.LEFT_OUT) for error in errors]
-
-
-def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None,
-                moves: "Moves | None" = None, folder: Path | None = None) -> Scene:
-    """Reads the files, of several those that can be read, and builds their grid.
-
-    allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).  folder: for temporary files.
-    """
-    from ..preprocess.point_colour import Colours
-    from ..readers.formats import open_readable
-    from .building.two_passes import build_grid
-
-    sources, left_out = open_readable(files, columns, moves)
-    while True:
-        files = [source.path for source in sources]
-        known = replace(
-            stated_facts(sources), match=match, warnings=(*_left_out(left_out), *_differences(sources)),
-            records=RecordOrigin(files=tuple(map(identity_of, files)), columns=columns, moves=moves_of_files(files, moves)),
-        )  # fmt: skip
-        try:
-            scene = build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, known=known, folder=folder)
-        except InputError as error:  # damage that only reading all of its points finds
-            broken = next((source for source in sources if error.is_of(source.path)), None)
-            if broken is None or len(sources) == 1:
-                raise
-            left_out.append(error)
-            sources, _ = open_readable([source.path for source in sources if source is not broken], columns, moves)
-            continue
-        _check_unchanged(files, known)
-        return scene
-
-
-def _check_unchanged(files: list[Path], known: ScanDescription) -> None:
-    """Raises InputError naming the first file that is no longer the one that was opened."""
-    stated = known.records.files if known.records else None
-    for file, identity in zip(files, stated or ()):
-        try:
-            changed = identity_of(file) != identity
-        except OSError:
-            changed = True
-        if changed:
-            raise InputError("changed while it was read", file=file, remedy="try again")
-
-
-def _differences(sources: "Sequence[Source]") -> list[ScanWarning]:
-    """A warning where files that are shown in one frame differ in units or reference system, else none."""
-    units = {source.metres_per_unit for source in sources}
-    if len(units - {None}) > 1:
-        return [ScanWarning("units of length; they are shown as if they agreed", WarningTopic.DIFFERENT)]
-    if len(units) > 1:
-        return [ScanWarning("unit of length; they are shown as if it were the same", WarningTopic.PARTLY_UNKNOWN)]
-    if len({source.crs for source in sources}) > 1:
-        return [ScanWarning("coordinate reference system; they are shown as if they agreed", WarningTopic.DIFFERENT)]
-    return []
-
-
 def say_degrees(scene: Scene) -> None:
     """Logs a line where the coordinates of a scene are degrees, with the command that transforms them to metres."""
     for warning in scene.meta.warnings_about(WarningTopic.DEGREES):
         _log.warning("%s", warning)
-
-
-def stated_facts(sources: "Sequence[Source]") -> ScanDescription:
-    """What the readers found in the files."""
-    return ScanDescription(
-        sources=tuple(str(source.path.absolute()) for source in sources),
-        format=", ".join(dict.fromkeys(source.format for source in sources)),
-        units=_common([source.units for source in sources], "mixed"),
-        metres_per_unit=_common([source.metres_per_unit for source in sources], None),
-        crs=_common([source.crs for source in sources], "mixed"),
-    )
 
 
 def scene_from_arrays(
@@ -193,24 +134,6 @@ def scene_from_arrays(
     source = ArraySource(xyz, rgb, intensity, scan, classification)
     known = replace(meta, format=meta.format or "arrays", colour=meta.colour or ColourSummary("rgb", 8, "8-bit colour"))
     return build_grid([source], colours=None, allocate=in_memory, known=known, stages=stages, noise=noise)
-
-
-def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
-    """An array for a column of the points that is freed with the scene: memory, or for large scans a file without a name."""
-    if shape[0] <= _IN_MEMORY:
-        return np.empty(shape, dtype)
-    import tempfile
-
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    from .scratch_folder import reserve
-
-    try:
-        with tempfile.TemporaryFile(prefix="pointglass-") as file:
-            reserve(file.fileno(), size, Path(tempfile.gettempdir()))
-            return np.memmap(file, dtype, "r+", shape=shape)
-    except OSError as error:
-        raise InputError(f"no room for {size / 1e9:.1f} GB of points ({error.strerror})", file=tempfile.gettempdir(),
-                         remedy="set TMPDIR to a folder with more space") from None
 
 
 def as_paths(paths: Sequence[Path | str] | Path | str, *, fetch: bool = True) -> list[Path]:
@@ -244,7 +167,3 @@ def each_once(paths: Iterable[Path]) -> list[Path]:
     for path in paths:
         places.setdefault(os.path.realpath(path), path)
     return list(places.values())
-
-
-def _common(values: list, otherwise):
-    return values[0] if len(set(values)) == 1 else otherwise

@@ -51,7 +51,8 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     from ..preprocess.point_colour import height_colours
     from ..preprocess.scan_description import ScanSummary
     from ..readers.formats import open_readable
-    from .open_scene import as_paths, scene_from_arrays, stated_facts
+    from .build_scene import stated_facts
+    from .open_scene import as_paths, scene_from_arrays
 
     try:
         files = as_paths(paths, fetch=False)

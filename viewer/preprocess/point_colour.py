@@ -20,10 +20,10 @@ from .scan_description import ColourSummary, ExposureSummary, RunSummary
 
 _RAMP = np.array(RAMPS["viridis"], np.float64)
 _EVERY = 16  # one of so many points is examined for black: 65,000 of a chunk tell a share of 1 % within 0.04 (standard error)
-_DARK_LEVEL = 4
+DARK_LEVEL = 4
 """8-bit levels 1 to 4 are compared with black.  With 2, black has 250 times the points of a level in the scan without colour in
 its shadows, with 4 it has 370 times, with 8 600 times; in the others at most 0.07, 0.11 and 0.16 times."""
-_LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
+_LEAST_BLACK, BLACK_TO_DARK = 0.01, 8.0
 """Black is treated as missing colour in a file where it has at least this share of the points, and so many times the points of
 each of the next levels.  Six scans: 14 % and 310 times in the one whose shadows have no colour, at most 0.08 % and 0.1 times in
 the others."""
@@ -47,7 +47,7 @@ class _File:
     looked: int = 0
     black: int = 0
     dark: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
-    """Points with no channel above _DARK_LEVEL, read as 8 bits (0) or 16 bits (1), black ones not counted."""
+    """Points with no channel above DARK_LEVEL, read as 8 bits (0) or 16 bits (1), black ones not counted."""
     intensity: np.ndarray = field(default_factory=lambda: np.zeros(65536, np.int64))
     mode: str = "height"
     grey: np.ndarray | None = None
@@ -60,8 +60,8 @@ class _File:
     @property
     def uncoloured(self) -> float:
         """Share of the points of this file that are black because their colour is missing."""
-        dark = self.dark[1 if self.shift else 0] / _DARK_LEVEL
-        return self.black / self.looked if self.black > max(_LEAST_BLACK * self.looked, _BLACK_TO_DARK * dark) else 0.0
+        dark = self.dark[1 if self.shift else 0] / DARK_LEVEL
+        return self.black / self.looked if self.black > max(_LEAST_BLACK * self.looked, BLACK_TO_DARK * dark) else 0.0
 
     def look(self, rgb: np.ndarray) -> None:
         """Counts black and dark points of (n, 3) colours."""
@@ -69,7 +69,7 @@ class _File:
         highest = some[:, 0] | some[:, 1] | some[:, 2]  # at least the highest channel, and less than twice it
         self.looked += len(some)
         self.black += int(np.count_nonzero(highest == 0))
-        limits = (_DARK_LEVEL, _DARK_LEVEL << 8 | 0xFF)
+        limits = (DARK_LEVEL, DARK_LEVEL << 8 | 0xFF)
         self.dark += [np.count_nonzero((highest > 0) & (highest <= limit)) for limit in limits]
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 from ...model.common.process.processors import usable_processors
 from ..picture.settings import MEMORY
 from .chunk_source import ChunkSource
+from .joined_chunks import JoinedChunks
 
 READ_AHEAD = MEMORY.read_ahead
 """Bytes of main memory for the buffers of a reader, by default."""
@@ -24,7 +25,7 @@ class ChunkReader:
     memory: bytes of all buffers together; they are allocated when first needed.
     """
 
-    def __init__(self, source: ChunkSource, *, memory: int = READ_AHEAD, threads: int | None = None,
+    def __init__(self, source: ChunkSource | JoinedChunks, *, memory: int = READ_AHEAD, threads: int | None = None,
                  wake: Callable[[], None] = lambda: None):
         self.source, self._wake = source, wake
         self._most = max(1, min(memory // source.chunk_bytes, source.chunks))

@@ -35,6 +35,62 @@ class ChunkError(InputError):
         self.chunk = chunk
 
 
+class ChunkFile:
+    """Reads points from a grid's file.  start: the byte at which its points begin.  Use it in a ``with`` block, or close it.
+
+    Raises InputError where the file does not exist any more.
+    """
+
+    def __init__(self, path: "Path", start: int):
+        self.path, self._start = path, start
+        self._seeking = threading.Lock()
+        try:
+            self._file = open(path, "rb", buffering=0)  # noqa: SIM115  (closed by close)
+        except OSError as error:
+            raise InputError(f"cannot be read ({error.strerror})", file=path, remedy="open the scan again") from None
+
+    def __enter__(self) -> "ChunkFile":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+    def read(self, first: int, into: np.ndarray, chunk: int, expected: int | None = None) -> None:
+        """Fills ``into``, (n, 3) uint32, with the points from number ``first`` on.
+
+        chunk: which the error names.  expected: the checksum of the points; None: they are not checked.
+        Raises ChunkError naming the file where it cannot be read, is truncated or damaged.
+        """
+        raw = into.data.cast("B")
+        place = self._start + first * POINT_BYTES
+        try:
+            got = self._read_at(place, raw)
+        except OSError as error:
+            why = f"{self.path}: cannot be read ({error.strerror}); check the disk and open the scan again"
+            raise ChunkError(why, chunk) from None
+        if got < len(raw):
+            raise self._damaged(chunk, f"it ends at byte {place + got:,}, {len(raw) - got:,} too early")
+        if expected is not None and checksum(into) != expected:
+            raise self._damaged(chunk, f"points {first:,} to {first + len(into):,} do not match their checksum")
+
+    def _read_at(self, place: int, raw: memoryview) -> int:
+        """Returns the bytes read; fewer than requested only at the end of the file."""
+        got = 0
+        while got < len(raw):
+            n = read_at(self._file, raw[got:], place + got, self._seeking)
+            if n == 0:
+                break
+            got += n
+        return got
+
+    def _damaged(self, chunk: int, what: str) -> ChunkError:
+        return ChunkError(f"{self.path}: damaged grid ({what}); {distrust(self.path.parent)}", chunk)
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._file.close()
+
+
 class ChunkSource:
     """Reads the chunks of a scene from the file behind its memory map, or from its array.
 
@@ -49,15 +105,9 @@ class ChunkSource:
         self.chunks = -(-self.count // chunk_points)
         self.chunk_bytes = chunk_points * POINT_BYTES
         self.checksums = scene.checksums if chunk_points == CHUNK else None
-        self.path, self._start = _file_of(scene.points)
-        self._file = None
-        self._seeking = threading.Lock()
+        self.path, start = _file_of(scene.points)
         self._forgets = _forgettable(scene.points) if self.path is None else None
-        if self.path is not None:
-            try:
-                self._file = open(self.path, "rb", buffering=0)  # noqa: SIM115  (closed by close)
-            except OSError as error:
-                raise InputError(f"cannot be read ({error.strerror})", file=self.path, remedy="open the scan again") from None
+        self._file = None if self.path is None else ChunkFile(self.path, start)
 
     def read(self, chunk: int, into: np.ndarray) -> np.ndarray:
         """Reads a chunk's points, (n, 3) uint32, into the first rows of ``into``, (chunk_points, 3) uint32, and returns these.
@@ -78,33 +128,8 @@ class ChunkSource:
             if self._forgets is not None:
                 self._forgets(first, first + len(points))
             return points
-        raw = points.data.cast("B")
-        place = self._start + first * POINT_BYTES
-        try:
-            got = self._read_at(place, raw)
-        except OSError as error:
-            why = f"{self.path}: cannot be read ({error.strerror}); check the disk and open the scan again"
-            raise ChunkError(why, chunk) from None
-        if got < len(raw):
-            raise self._damaged(chunk, f"it ends at byte {place + got:,}, {len(raw) - got:,} too early")
-        if self.checksums is not None and checksum(points) != int(self.checksums[chunk]):
-            raise self._damaged(chunk, f"points {first:,} to {first + len(points):,} do not match their checksum")
+        self._file.read(first, points, chunk, None if self.checksums is None else int(self.checksums[chunk]))
         return points
-
-    def _read_at(self, place: int, raw: memoryview) -> int:
-        """Returns the bytes read; fewer than requested only at the end of the file."""
-        assert self._file is not None
-        got = 0
-        while got < len(raw):
-            n = read_at(self._file, raw[got:], place + got, self._seeking)
-            if n == 0:
-                break
-            got += n
-        return got
-
-    def _damaged(self, chunk: int, what: str) -> ChunkError:
-        assert self.path is not None
-        return ChunkError(f"{self.path}: damaged grid ({what}); {distrust(self.path.parent)}", chunk)
 
     def close(self) -> None:
         if self._file is not None:

@@ -376,7 +376,7 @@ def test_arrays_that_do_not_fit_are_named():
 
 
 def test_a_scan_too_large_for_memory_is_built_in_a_file_without_a_name(monkeypatch):
-    from pointglass.viewer.grid import open_scene as build
+    from pointglass.viewer.grid import build_scene as build
 
     xyz, rgb = surface(5000)
     one = scene_from_arrays(xyz, rgb)

@@ -383,7 +383,7 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
     """A page of a memory map that cannot be allocated is a bus error, which cannot be caught."""
     from collections import namedtuple
 
-    from pointglass.viewer.grid import open_scene as build
+    from pointglass.viewer.grid import build_scene as build
     from pointglass.viewer.grid import scratch_folder as scratch
 
     monkeypatch.setattr(build, "_IN_MEMORY", 10)

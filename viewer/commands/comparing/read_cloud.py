@@ -12,7 +12,8 @@ import numpy as np
 
 from ...common.errors import InputError, Option
 from ...common.progress import progress
-from ...grid.open_scene import as_paths, stated_facts
+from ...grid.build_scene import stated_facts
+from ...grid.open_scene import as_paths
 from ...preprocess.scan_description import DEGREE, ScanDescription
 from ...readers.formats import open_sources
 from ...readers.moved_source import Moves, move_of

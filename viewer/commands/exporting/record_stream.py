@@ -188,7 +188,7 @@ def why_gone(scene: "Scene") -> str | None:
 
 def _shown_colours(scene: "Scene") -> np.ndarray:
     """(N, 3) uint8, by running number: the colours of the grid; 0 for records that the grid leaves out."""
-    from ...grid.open_scene import in_memory
+    from ...grid.build_scene import in_memory
     from ...grid.scene import colours, packed
 
     if scene.records is None:

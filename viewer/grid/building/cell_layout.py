@@ -30,21 +30,23 @@ class Layout:
     layers: int
 
 
-def choose_layout(counted: CellCounts, at_most: float = np.inf) -> Layout:
+def choose_layout(counted: CellCounts, at_most: float = np.inf, lattice: layers.Lattice | None = None) -> Layout:
     """Merges the cells of pass 1 until they hold about TARGET points (or are few), or are as large as ``at_most``.
 
     Merging from fine to coarse and stopping at the first size that fits makes the choice independent of the grid's origin.
+    lattice: the cells have its size, which is not below that of pass 1, and there are as many layers.
     """
     cells, counts, base, size = counted.cells, counted.counts, counted.base, counted.cell_size
     enough = min(TARGET / 2, _BULK * counted.count / _LEAST_CELLS)
-    while 2 * size <= at_most and _typical(counts) < enough:
+    fixed = None if lattice is None else lattice.cell_size
+    while size < fixed if fixed else (2 * size <= at_most and _typical(counts) < enough):
         coarse = np.floor(base / 2)
         cells = (np.floor((cells + base) / 2) - coarse).astype(np.int32)
         cells, counts = merge(cells, counts)
         base, size = coarse, 2 * size
     low = cells.min(axis=0)
     order = layers.morton_order(cells - low)
-    depth = layers.layer_count(counted.count)
+    depth = layers.layer_count(counted.count) if lattice is None else lattice.layers
     offsets = np.zeros(depth * len(cells) + 1, np.int64)
     np.cumsum(layers.layer_sizes(counts[order], depth).reshape(-1), out=offsets[1:])
     return Layout(np.ascontiguousarray((cells - low)[order]), offsets, base + low, size, depth)

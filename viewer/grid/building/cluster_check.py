@@ -3,7 +3,7 @@
 Frame: the files' own coordinates, taken to be shared; lengths in their units.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,21 +40,27 @@ class ClusterCheck:
         """One warning where the files form several clusters, else none."""
         boxes = {number: (np.min([low for low, _ in parts], axis=0), np.max([high for _, high in parts], axis=0))
                  for number, parts in enumerate(self._parts) if parts}
-        left, groups = list(boxes), []
-        while left:
-            group = [left.pop(0)]
-            for one in group:  # the group grows during the loop
-                near = [other for other in left if _gap(boxes[one], boxes[other]) <= _FAR * _extent(boxes[one], boxes[other])]
-                group += near
-                left = [other for other in left if other not in near]
-            groups.append(group)
-        if len(groups) < 2:
-            return []
-        one, other = (self._names[group[0]] for group in groups[:2])
-        gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
-        far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
-        text = f"{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"
-        return [ScanWarning(text, WarningTopic.PLACES)]
+        return place_warnings(boxes, self._names)
+
+
+def place_warnings(boxes: Mapping[int, tuple[np.ndarray, np.ndarray]], names: Sequence[str]) -> list[ScanWarning]:
+    """One warning where files form several clusters, else none.  boxes: (low, high), (3,) each, by the number of the file."""
+    left, groups = list(boxes), []
+    while left:
+        group = [left.pop(0)]
+        for one in group:  # the group grows during the loop
+            near = [other for other in left if _gap(boxes[one], boxes[other]) <= _FAR * _extent(boxes[one], boxes[other])]
+            group += near
+            taken = set(near)
+            left = [other for other in left if other not in taken]
+        groups.append(group)
+    if len(groups) < 2:
+        return []
+    one, other = (names[group[0]] for group in groups[:2])
+    gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
+    far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
+    text = f"{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"
+    return [ScanWarning(text, WarningTopic.PLACES)]
 
 
 def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from ....model.appearance.spacing import NEIGHBOURS
 from . import kernels
 
-_CELLS, _QUERIES, _CANDIDATES = 64, 24, 20_000
+CELLS, _QUERIES, _CANDIDATES = 64, 24, 20_000
 """Cells that are examined, queries in each, and points of a cell among which neighbours are searched.  The standard error of
 the median of 1,536 distances is 3 % of their deviation; cells have up to 2 * TARGET points on average, 16,384
 (viewer.grid.building.cell_layout)."""
@@ -31,12 +31,12 @@ def measure_spacing(points, cells, offsets, layers: int, pool: Executor) -> tupl
     count = int(offsets[-1])
     if count <= _CANDIDATES:
         cell = np.repeat(np.tile(np.arange(len(cells)), layers), np.diff(offsets))
-        found, weights = [_distances(_steps(points, cells[cell]), _CELLS * _QUERIES)], np.ones(1)
+        found, weights = [_distances(_steps(points, cells[cell]), CELLS * _QUERIES)], np.ones(1)
     else:
         runs = offsets.reshape(-1)[:-1].reshape(layers, -1)
         sizes = np.diff(offsets).reshape(layers, -1)
         share = sizes.sum(axis=0).cumsum()
-        places = np.searchsorted(share, (np.arange(_CELLS) + 0.5) / _CELLS * share[-1], side="right")
+        places = np.searchsorted(share, (np.arange(CELLS) + 0.5) / CELLS * share[-1], side="right")
         chosen, weights = np.unique(places, return_counts=True)
         jobs = [pool.submit(_of_cell, points, runs[:, cell].copy(), sizes[:, cell].copy()) for cell in chosen]
         found = [job.result() for job in jobs]
@@ -52,6 +52,13 @@ def _of_cell(points, starts: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray,
     xyz = np.empty((3, taken))
     kernels.gather_steps(points, starts, sizes, xyz)
     return _distances(xyz, _QUERIES, taken / int(sizes.sum()))
+
+
+def of_candidates(words: np.ndarray) -> np.ndarray:
+    """Spacings in packed steps around some of the points of one cell, (n, 3) packed."""
+    some = np.random.default_rng(0).permutation(len(words))[:_CANDIDATES]
+    some = words[np.sort(some)] if len(some) < len(words) else words
+    return _distances(_steps(some, np.zeros((1, 3))), _QUERIES, len(some) / max(len(words), 1))[0]
 
 
 def _steps(words, cells: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDesc
 from ...preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
 from ...preprocess.scanner_positions import StationInference
 from ...readers.source import Source
-from ..density_layers import PARTS
+from ..density_layers import PARTS, Lattice
 from ..projected_coverage import projected_coverage
 from ..records.point_records import PointRecords, allocated
 from ..scene import STEPS, Scene
@@ -90,7 +90,7 @@ class _Clock:
 
 def build_grid(
     sources: list[Source], *, colours: Colours | None, allocate: Allocate, known: ScanDescription,
-    stages: dict[str, float] | None = None, noise: bool = True, folder: Path | None = None,
+    stages: dict[str, float] | None = None, noise: bool = True, folder: Path | None = None, lattice: Lattice | None = None,
 ) -> Scene:
     """Walks over the points twice and returns the finished scene.
 
@@ -100,6 +100,7 @@ def build_grid(
     stages: if given, receives the seconds each stage took.
     noise: estimate the noise of the colours; otherwise ``Scene.noise`` is None.
     folder: for a temporary file of what the second pass needs; None: that of the system.
+    lattice: of the place that the grid is a part of; None: the grid is a scene by itself.
     Raises InputError for damaged files, and where no valid point is found.
     """
     clock = _Clock({} if stages is None else stages)
@@ -108,7 +109,7 @@ def build_grid(
         clock.lap("count")
         points, records = _room(allocate, first.counts, kept)
         sample = NoiseSample(sources, first.counts) if noise else None
-        placed = _place(kept, colours, first, points, records, pool, sample, clock)
+        placed = _place(kept, colours, first, points, records, pool, sample, clock, lattice)
         coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
         clock.lap("faces")
         model = sample.solve() if sample else None
@@ -143,7 +144,7 @@ def _count(kept: KeptChunks, colours: Colours | None) -> FirstPass:
 
 
 def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
-           pool: Executor, sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
+           pool: Executor, sample: NoiseSample | None, clock: _Clock, lattice: Lattice | None) -> _Placed:  # fmt: skip
     """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points`` and
     ``records``."""
 
@@ -158,7 +159,9 @@ def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: 
         return _Placed(counts, layout, steps, boxes), coinciding
 
     counts = first.counts
-    found, coinciding = coarsest, most_coinciding = place(counts, choose_layout(counts), sample)
+    if lattice is not None and lattice.cell_size is not None:
+        return place(*_on_lattice(kept, counts, lattice), sample)[0]
+    found, coinciding = coarsest, most_coinciding = place(counts, choose_layout(counts, lattice=lattice), sample)
     if 0 < found.steps < _LEAST_STEPS:  # too coarse: these cells are never taken after all
         coarsest = None
     for _ in range(_ATTEMPTS - 1):
@@ -173,10 +176,22 @@ def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: 
             if finer.count != counts.count or finer.cell_size >= found.layout.cell_size:
                 break
             counts = finer
-        found, coinciding = place(counts, choose_layout(counts, size), None)
+        found, coinciding = place(counts, choose_layout(counts, size, lattice), None)
     if coarsest and coarsest is not found and coinciding > _UNPARTED * most_coinciding:
         return place(coarsest.counts, coarsest.layout, None)[0]  # the same points over and over: no cells separate them
     return found
+
+
+def _on_lattice(kept: KeptChunks, counts: CellCounts, lattice: Lattice) -> tuple[CellCounts, Layout]:
+    """The cells of a place.  Raises InputError where the file is too wide for cells of that size."""
+    size = lattice.cell_size
+    if size is not None and counts.cell_size > size:
+        finer = count_cells(kept, cell_size=size)
+        if finer.cell_size > size or finer.count != counts.count:
+            raise InputError(f"is too wide for cells of {size:g}, which the other files have", file=kept.sources[0].path,
+                             remedy="open it by itself")
+        counts = finer
+    return counts, choose_layout(counts, lattice=lattice)
 
 
 def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, records: PointRecords,

@@ -21,7 +21,8 @@ from ...common.errors import DeviceError, InputError, Option, is_opengl_error
 from ...common.text import bytes_text
 from ...grid.scene import CHUNK
 from ...stream.chunk_reader import READ_AHEAD, ChunkReader
-from ...stream.chunk_source import POINT_BYTES, ChunkError, ChunkSource
+from ...stream.chunk_source import POINT_BYTES, ChunkError
+from ...stream.joined_chunks import chunks_of
 from ...stream.residency import OVERVIEW, Residency, Round, opening_chunks, overview_chunks
 from ..device.context import describe_device
 from ..device.gpu_buffers import Uploads
@@ -93,7 +94,7 @@ class PointPages:
         self._upload_limit = max(1, upload // chunk_bytes)
         self.missing = self.left_out = self.lost = 0
         self.problem: str | None = None
-        self._reader = ChunkReader(ChunkSource(scene, self.chunk_points), memory=read_ahead, wake=wake)
+        self._reader = ChunkReader(chunks_of(scene, self.chunk_points), memory=read_ahead, wake=wake)
         try:
             slots = wanted if software else self._allocated(total, wanted)
             self.short = slots < wanted

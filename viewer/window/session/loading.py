@@ -69,14 +69,13 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
     """A coarse scene within about a second; None where the complete one opens as fast.
 
     cache: whether the complete one is read from the cache, where it is there."""
-    from ...grid.cache import folder_of
-    from ...grid.open_scene import as_paths
+    from ...grid.open_scene import as_paths, is_cached
     from ...readers.grid_folder import is_grid
 
     if not _upper_levels(paths):
         return None
     files = as_paths(paths, fetch=False)
-    if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns, moves) / "meta.json").is_file()):
+    if any(is_grid(file) for file in files) or (cache and is_cached(files, match, columns, moves)):
         return None
     from ...grid.preview import preview_scene as coarse
 

@@ -57,10 +57,11 @@ def distinct(in_box: InBox) -> InBox:
 
 def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most: int = MOST) -> InBox:
     """Boxes of a scene around ``place``, (3,) file coordinates.  kept: which points are drawn; None: all."""
+    from ...grid.gathered_rows import gathered
     from ...grid.scene import packed, scan_numbers
     from ..places import pick_kernels  # numba: only once something is picked or fitted
 
-    coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
+    coords, offsets = np.asarray(scene.cell_coords), np.asarray(scene.offsets)
     size, at = scene.cell_size, np.asarray(place, np.float64) - scene.origin
 
     def in_box(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
@@ -69,8 +70,10 @@ def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most
         rows = pick_kernels.cells_in_box(coords, low, high)
         counts = np.cumsum(pick_kernels.points_by_layer(offsets, scene.layers, len(coords), rows))
         layers = max(int((counts <= LOOKED).sum()), 1)
-        index, xyz = pick_kernels.points_in_box(points, coords, offsets, layers, rows, size, at + centre,
-                                                  np.ascontiguousarray(axes), np.asarray(half, np.float64))
+        cells = gathered(scene, rows, layers)
+        index, xyz = pick_kernels.points_in_box(cells.points, cells.coords, cells.offsets, layers, cells.rows, size,
+                                                at + centre, np.ascontiguousarray(axes), np.asarray(half, np.float64))
+        index = cells.numbers(index)
         looked = counts[layers - 1] / max(counts[-1], 1)
         if len(index) > most:
             step = len(index) / most

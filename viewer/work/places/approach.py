@@ -79,14 +79,15 @@ def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
 
 def _free(scene: "Scene", point: np.ndarray, along: np.ndarray, stop: float) -> bool:
     """Whether no points lie around the line of sight and the eye.  From a third of the distance on: nearer is the surface."""
+    from ...grid.gathered_rows import gathered
     from . import pick_kernels  # numba: only once something is picked
 
-    coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     for distance in np.geomspace(stop / 3, stop, _LOOKED_AT):
         place = point + distance * along - scene.origin
         radius = distance / 8
         low, high = (np.floor((place + sign * radius) / scene.cell_size).astype(np.int64) for sign in (-1, 1))
-        rows = pick_kernels.cells_in_box(coords, low, high)
-        if pick_kernels.neighbourhood(points, coords, offsets, scene.layers, rows, scene.cell_size, place, radius)[0]:
+        cells = gathered(scene, pick_kernels.cells_in_box(np.asarray(scene.cell_coords), low, high))
+        if pick_kernels.neighbourhood(cells.points, cells.coords, cells.offsets, scene.layers, cells.rows, scene.cell_size,
+                                      place, radius)[0]:
             return False
     return True

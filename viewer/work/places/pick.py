@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...grid.gathered_rows import gathered
 from ...grid.records.file_records import FileRecords
 from ...grid.scene import attributes_of, packed, positions, unpack
 
@@ -143,14 +144,14 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
     corners = camera.unproject([(x, y) for x in (left, right) for y in (top, bottom)] * 2, np.repeat([near, far], 4))
     low, high = (np.floor((edge - scene.origin) / scene.cell_size).astype(np.int64)
                  for edge in (corners.min(axis=0), corners.max(axis=0)))  # fmt: skip
-    coords, points = np.asarray(scene.cell_coords), np.asarray(scene.points)
-    offsets = np.asarray(scene.offsets)
-    rows = pick_kernels.cells_in_box(coords, low, high)
-    return pick_kernels.points_in_pixel(
-        points, coords, offsets, scene.layers, rows, scene.cell_size, scene.origin - camera.position,
+    cells = gathered(scene, pick_kernels.cells_in_box(np.asarray(scene.cell_coords), low, high))
+    index, found = pick_kernels.points_in_pixel(
+        cells.points, cells.coords, cells.offsets, scene.layers, cells.rows, scene.cell_size,
+        scene.origin - camera.position,
         np.ascontiguousarray(camera.view_rotation), np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
         camera.orthographic or 0.0, np.array([left, right, top, bottom]), near, far,
     )  # fmt: skip
+    return cells.numbers(index), found
 
 
 def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int]) -> Picked:
@@ -196,15 +197,15 @@ def surface_around(scene: "Scene", position) -> Surface:
     from ..point_moments import mean_and_covariance
     from . import pick_kernels  # numba: only once something is picked
 
-    coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     place = np.asarray(position, np.float64) - scene.origin
     radius = _FIRST_BALL * (scene.spacing or scene.cell_size / 16)
     sums = np.zeros(10)
     for doubling in range(_DOUBLINGS + 1):
         radius *= 2.0 if doubling else 1.0
         low, high = (np.floor((place + sign * radius) / scene.cell_size).astype(np.int64) for sign in (-1, 1))
-        rows = pick_kernels.cells_in_box(coords, low, high)
-        sums = pick_kernels.neighbourhood(points, coords, offsets, scene.layers, rows, scene.cell_size, place, radius)
+        cells = gathered(scene, pick_kernels.cells_in_box(np.asarray(scene.cell_coords), low, high))
+        sums = pick_kernels.neighbourhood(cells.points, cells.coords, cells.offsets, scene.layers, cells.rows, scene.cell_size,
+                                          place, radius)
         if sums[0] >= _NEIGHBOURS:
             break
     count = int(sums[0])

@@ -13,6 +13,7 @@ import numpy as np
 from ....model.common.process.processors import in_rows
 from ...common.errors import InputError
 from ...common.progress import progress
+from ...grid.gathered_rows import points_of
 from ..selection import Selection
 from .select_points import in_sight
 
@@ -59,7 +60,7 @@ def connected_region(sight: Selection, place: np.ndarray, gap: float | None = No
     if float((high - low).max()) / side >= LAST - 4:
         raise InputError(f"a gap of {side:g} is too small for this scan", remedy="choose a larger one")
     shift = scene.origin - low + 2 * side
-    points, offsets, coords = np.asarray(scene.points), np.asarray(scene.offsets), np.asarray(scene.cell_coords)
+    points, offsets, coords = points_of(scene), np.asarray(scene.offsets), np.asarray(scene.cell_coords)
     with progress(4, "Finding what hangs together") as meter:
         keys = np.where(in_sight(sight, np.ones(scene.count, bool)), np.int64(0), np.int64(-1))
         in_rows(len(offsets) - 1, 64, cube_keys, points, offsets, coords, scene.cell_size, shift, side, keys, 0)
@@ -79,7 +80,7 @@ def connected_region(sight: Selection, place: np.ndarray, gap: float | None = No
             seen = rows >= 0
             hits[seen] = joined[rows[seen]]
             return hits
-        _surface(scene, shift, side, cubes, rows, start, hits)
+        _surface(scene, points, shift, side, cubes, rows, start, hits)
         meter.update(2)
     return hits
 
@@ -92,13 +93,13 @@ def _nearest(cubes: np.ndarray, at: np.ndarray) -> int:
     return int(((middles - at) ** 2).sum(axis=1).argmin())
 
 
-def _surface(scene: "Scene", shift: np.ndarray, side: float, cubes: np.ndarray, rows: np.ndarray, start: int, hits: np.ndarray
-             ) -> None:
+def _surface(scene: "Scene", points: np.ndarray, shift: np.ndarray, side: float, cubes: np.ndarray, rows: np.ndarray,
+             start: int, hits: np.ndarray) -> None:
     """Marks the points of the smooth surface through a cube."""
     from ..point_moments import mean_and_covariance
     from .connected_kernels import BITS, LAST, add_moments, around, grown, near_planes, widened
 
-    points, offsets, coords = np.asarray(scene.points), np.asarray(scene.offsets), np.asarray(scene.cell_coords)
+    offsets, coords = np.asarray(scene.offsets), np.asarray(scene.cell_coords)
     moments, near = np.zeros((len(cubes), 10)), np.zeros((len(cubes), 10))
     add_moments(points, offsets, coords, scene.cell_size, shift, side, rows, moments)
     in_rows(len(cubes), 256, around, cubes, moments, side, near)

@@ -4,6 +4,7 @@ A selection is made of the grid's points, which are in sight, and kept as record
 Frame: file coordinates, float64; outlines in pixels of the picture of a camera.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ....model.common.process.processors import in_rows
 from ...common.progress import progress
+from ...grid.gathered_rows import points_of
 from ...grid.records.point_marks import file_keys, marks_of
 from ...grid.scene import packed, positions, refuse_changed_file, scan_numbers
 from ...picture.clip import Box, normals
@@ -145,8 +147,11 @@ def described(scene: "Scene", edits: Edits, points: PointSet, mask: np.ndarray |
         some = slice(start, min(start + _BLOCK, scene.count))
         chosen[some] = mask[records.numbers(some)]
     ends = np.array([np.inf] * 3 + [-np.inf] * 3)
-    lowest_and_highest(scene.points, np.asarray(scene.offsets), np.asarray(scene.cell_coords), scene.cell_size, chosen, ends, 0,
-                       0, len(scene.offsets) - 1)
+    coords = np.asarray(scene.cell_coords)
+    for base, stop, first, offsets in _pieces(scene):
+        some = slice(first, first + int(offsets[stop]))
+        words = points_of(scene, some.start, some.stop)
+        lowest_and_highest(words, offsets, coords, scene.cell_size, chosen[some], ends, base, 0, stop - base)
     marks_of(scene, replace(edits, selection=points))
     return Selected(points, scene.origin + ends.reshape(2, 3) if np.isfinite(ends).all() else None)
 
@@ -154,17 +159,24 @@ def described(scene: "Scene", edits: Edits, points: PointSet, mask: np.ndarray |
 def _run(scene: "Scene", kernel, shift: np.ndarray, *arguments) -> np.ndarray:
     """The hits of a kernel, with progress; on all processors."""
     refuse_changed_file(scene.points)
-    points, offsets = np.asarray(scene.points), np.asarray(scene.offsets)
-    coords, hits = np.asarray(scene.cell_coords), np.zeros(scene.count, bool)
-    shift, runs = np.asarray(shift, np.float64), len(offsets) - 1
+    coords, hits, shift = np.asarray(scene.cell_coords), np.zeros(scene.count, bool), np.asarray(shift, np.float64)
     with progress(scene.count, "Selecting", "point") as meter:
-        base = 0
-        while base < runs:
-            stop = min(max(int(np.searchsorted(offsets, offsets[base] + _PIECE, side="right")) - 1, base + 1), runs)
-            in_rows(stop - base, 64, kernel, points, offsets, coords, scene.cell_size, shift, *arguments, hits, base)
-            meter.update(int(offsets[stop] - offsets[base]))
-            base = stop
+        for base, stop, first, offsets in _pieces(scene):
+            some = slice(first, first + int(offsets[stop]))
+            in_rows(stop - base, 64, kernel, points_of(scene, some.start, some.stop), offsets, coords, scene.cell_size, shift,
+                    *arguments, hits[some], base)  # fmt: skip
+            meter.update(some.stop - some.start)
     return hits
+
+
+def _pieces(scene: "Scene") -> Iterator[tuple[int, int, int, np.ndarray]]:
+    """(first run, run after the last, number of the first point, offsets from that point) of pieces of _PIECE points."""
+    offsets = np.asarray(scene.offsets)
+    base, runs = 0, len(offsets) - 1
+    while base < runs:
+        stop = min(max(int(np.searchsorted(offsets, offsets[base] + _PIECE, side="right")) - 1, base + 1), runs)
+        yield base, stop, int(offsets[base]), offsets - offsets[base]
+        base = stop
 
 
 def _tiles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,74 @@
+"""Pictures of a place, whose files have a grid each, are those of one grid of the same points, to the byte."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from clouds import camera_in, room
+
+from pointglass.viewer.grid.build_scene import build_scene, in_memory
+from pointglass.viewer.grid.density_layers import Lattice
+from pointglass.viewer.grid.place.open_place import open_place
+from pointglass.viewer.grid.scene import packed, unpack
+from pointglass.viewer.picture.edits import Edits
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.work.places.pick import pick
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from cloud_files import write_ply
+
+VIEWS = ("raw", "filtered", "filled", "neural")
+
+
+def files_of(folder, seed: int, number: int):
+    """A room cut into files that overlap, of different sizes, far from the origin of coordinates."""
+    random = np.random.default_rng(seed)
+    xyz, rgb, _, _ = unpack(room(seed, 60_000, origin=(4e5, 5e6, 100.0)))
+    owner = np.clip(np.floor((xyz[:, 0] - xyz[:, 0].min()) / 6 * number + random.normal(0, 0.4, len(xyz))), 0, number - 1)
+    return [write_ply(folder / f"part{k}.ply", xyz[owner == k], rgb[owner == k]) for k in range(number)]
+
+
+def both(files):
+    """The place, and one grid of its points with the same cells.  Noise and spacing are estimates: the same here."""
+    place, left_out = open_place(files, match=False)
+    assert left_out == []
+    one = build_scene(files, in_memory, match=False, lattice=Lattice(place.cell_size))
+    assert abs(place.spacing / one.spacing - 1) < 0.1
+    return replace(place, noise=one.noise, spacing=one.spacing), one
+
+
+def pictures(context, scene, camera, raster, **options):
+    renderer = Renderer(context, scene, raster=raster)
+    try:
+        frame = renderer.render(camera, Settings(view="neural"), views=VIEWS, **options)
+        depth, mask = frame.depth(), frame.mask()
+        return {**{view: frame.image(view).copy() for view in VIEWS}, "depth": depth.copy()}, depth.copy(), mask.copy()
+    finally:
+        renderer.release()
+
+
+@pytest.mark.parametrize("raster", ["compute", "points", "cpu"])
+def test_a_place_is_drawn_as_one_grid_of_its_points(context, agree, tmp_path, seed, raster):
+    place, one = both(files_of(tmp_path, seed, 5))
+    assert len(place.cell_coords) > len(one.cell_coords)  # cells of several grids at one place
+    for number in range(3):
+        camera = camera_in(one, seed + number, (160, 120))
+        made, depth, mask = pictures(context, place, camera, raster)
+        expected, _, _ = pictures(context, one, camera, raster)
+        assert agree(made, expected)
+        assert made["raw"].any()
+    hidden = Edits(hidden_stations=frozenset({1, 3}))
+    made, _, _ = pictures(context, place, camera, raster, edits=hidden)
+    expected, _, _ = pictures(context, one, camera, raster, edits=hidden)
+    assert agree(made, expected)
+    rows, columns = np.nonzero(mask)
+    for k in np.random.default_rng(seed).integers(0, len(rows), 5):
+        pixel = (columns[k] + 0.5, rows[k] + 0.5)
+        ours, other = (pick(scene, camera, mask, depth, pixel) for scene in (place, one))
+        assert (ours is None) == (other is None)
+        if ours is not None:
+            assert (ours.position, ours.rgb, ours.station) == (other.position, other.rgb, other.station)
+            assert np.array_equal(packed(place, ours.index), packed(one, other.index))

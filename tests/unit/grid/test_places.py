@@ -1,0 +1,186 @@
+"""A place of many files: a grid for each file in the cache, joined when opened."""
+
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+from cloud_files import surface, write_las, write_ply
+
+from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.progress import set_sink
+from pointglass.viewer.grid.cache import load, load_folder
+from pointglass.viewer.grid.gathered_rows import gathered
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.place import open_place as place
+from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
+from pointglass.viewer.grid.records.file_records import FileRecords
+from pointglass.viewer.grid.scene import CHUNK, attributes_of, colours, packed, unpack
+from pointglass.viewer.stream.joined_chunks import JoinedChunks, chunks_of
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path, monkeypatch):
+    """An empty cache of the test's own; two files are a place."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("POINTGLASS_CACHE", str(folder))
+    monkeypatch.setattr(place, "BYTES_AS_ONE", 0)
+    return folder
+
+
+def grids_in(store) -> dict[str, int]:
+    """The grids in the cache, with the time at which each was written."""
+    metas = (folder / "meta.json" for folder in store.iterdir())
+    return {meta.parent.name: meta.stat().st_mtime_ns for meta in metas if meta.is_file()}
+
+
+def tiles(folder, count, points=3000, seed=0):
+    return [write_las(folder / f"tile{k:03}.laz", *surface(points + 100 * k, seed + k, (3.0 * k, 0.0, 0.0)))
+            for k in range(count)]
+
+
+def in_order(scene):
+    """Positions and colours of all points, in the order of the files."""
+    xyz, rgb, _, _ = unpack(scene)
+    order = np.argsort(scene.records.numbers(slice(0, scene.count)))
+    return xyz[order], rgb[order]
+
+
+def test_a_place_has_the_points_of_its_files_in_any_order_they_are_asked_for(tmp_path, seed):
+    files = tiles(tmp_path, 5, seed=seed)
+    scene = open_scene(files, match=False)
+    xyz, rgb = in_order(scene)
+    stated = [laspy.read(file) for file in files]
+    np.testing.assert_allclose(xyz, np.concatenate([las.xyz for las in stated]), atol=scene.step)
+    np.testing.assert_array_equal(rgb[:, 1], np.concatenate([np.asarray(las.green) for las in stated]))
+    assert len({tuple(cell) for cell in scene.cell_coords.tolist()}) < len(scene.cell_coords)  # tiles overlap by a metre
+    random = np.random.default_rng(seed)
+    some = random.integers(0, scene.count, 500)
+    whole = packed(scene)
+    for index in (some, some - scene.count, slice(17, scene.count - 5, 7), slice(900, 7000), np.arange(scene.count) % 3 == 0):
+        np.testing.assert_array_equal(np.asarray(scene.points[index]), whole[index])
+    rows = random.permutation(len(scene.cell_coords))[:7]
+    cells = gathered(scene, rows)
+    numbers = cells.numbers(np.arange(len(cells.points)))
+    np.testing.assert_array_equal(cells.points, whole[numbers])
+    assert set((np.searchsorted(scene.offsets, numbers, "right") - 1) % len(scene.cell_coords)) == set(rows.tolist())
+    values = FileRecords(scene).of(some)
+    assert values.exact
+    np.testing.assert_array_equal(values.source, values.station)
+    np.testing.assert_allclose(values.xyz, unpack(scene, some)[0], atol=scene.step)
+
+
+@pytest.mark.parametrize("chunk_points", [256, CHUNK])
+def test_the_chunks_that_are_streamed_are_the_points(tmp_path, seed, chunk_points):
+    scene = open_scene(tiles(tmp_path, 3, 60_000, seed))
+    source, whole = chunks_of(scene, chunk_points), packed(scene)
+    assert isinstance(source, JoinedChunks)
+    into = np.empty((chunk_points, 3), np.uint32)
+    for chunk in np.random.default_rng(seed).permutation(source.chunks).tolist():
+        np.testing.assert_array_equal(source.read(chunk, into), whole[chunk * chunk_points : (chunk + 1) * chunk_points])
+    damaged = Path(scene.points.files[1])
+    with damaged.open("r+b") as file:
+        file.seek(-100, os.SEEK_END)
+        file.write(b"\0" * 50)
+    with pytest.raises(InputError, match="do not match their checksum"):
+        for chunk in range(source.chunks):
+            chunks_of(scene, chunk_points).read(chunk, into)
+
+
+def test_only_what_changed_is_converted(tmp_path, store):
+    files = tiles(tmp_path, 4)
+    open_scene(files)
+    first = grids_in(store)
+    assert len(first) == 4
+    more = [*files, write_las(tmp_path / "new.laz", *surface(2500, 9, (1.0, 3.0, 0.0)))]
+    assert open_scene(more).meta.scans[-1].count == 2500
+    assert first.items() <= grids_in(store).items() and len(grids_in(store)) == 5
+    fewer = open_scene([files[3], files[0]])
+    assert [Path(file).name for file in fewer.meta.sources] == ["tile003.laz", "tile000.laz"]
+    write_las(files[1], *surface(1234, 5, (3.0, 0.0, 0.0)))
+    replaced = open_scene(files)
+    assert [scan.count for scan in replaced.meta.scans] == [3000, 1234, 3200, 3300]
+    assert first.items() <= grids_in(store).items() and len(grids_in(store)) == 6
+    assert len({load_folder(store / name).cell_size for name in grids_in(store)}) == 1
+
+
+def test_a_file_that_cannot_be_read_is_left_out_and_named(tmp_path):
+    files = tiles(tmp_path, 3)
+    files[1].write_bytes(files[1].read_bytes()[:2000])
+    scene = open_scene(files)
+    assert len(scene.meta.sources) == 2
+    assert [text for text in scene.meta.warning_texts if "left out" in text and "tile001.laz" in text]
+    for file in files:
+        file.write_bytes(b"nothing")
+    with pytest.raises(InputError, match="none of the 3 files"):
+        open_scene(files)
+
+
+def test_progress_names_the_file(tmp_path):
+    labels = []
+    set_sink(lambda label, done, total: labels.append(label) or True)
+    try:
+        open_scene(tiles(tmp_path, 3))
+    finally:
+        set_sink(None)
+    assert any(label.startswith("tile000.laz (") and "of 3)" in label for label in labels)
+
+
+def test_stations_of_different_brightness_become_equal_across_grids(tmp_path):
+    """Each file is of one station; no file knows another one when it is converted."""
+    random = np.random.default_rng(3)
+    xyz, _ = surface(120_000, 3, size=6.0)
+    true = 90 + 50 * np.sin(xyz[:, 0]) * np.cos(xyz[:, 1])
+    station = random.integers(0, 3, len(xyz))
+    factor = np.array([1.0, 1.25, 0.85])
+    grey = np.clip(np.rint(true * factor[station]), 1, 255).astype(np.uint8)
+    rgb = np.repeat(grey[:, None], 3, axis=1)
+    files = [write_ply(tmp_path / f"s{k}.ply", xyz[station == k], rgb[station == k]) for k in range(3)]
+    scene = open_scene(files)
+    assert scene.meta.exposures is not None and scene.meta.exposures.applied and scene.meta.exposures.matched == 3
+    shown = in_order(scene)[1][:, 0].astype(float)
+    truth = np.concatenate([true[station == k] for k in range(3)])
+    parts = np.split(np.arange(len(truth)), np.cumsum(np.bincount(station))[:-1])
+    ratio = [np.median(shown[own] / truth[own]) for own in parts]
+    assert np.ptp(ratio) < 0.02
+    plain = open_scene(files, match=False)
+    np.testing.assert_array_equal(in_order(plain)[1][:, 0], np.concatenate([grey[station == k] for k in range(3)]))
+    with pytest.raises(TypeError):
+        np.asarray(scene.points)
+
+
+def test_attributes_of_files_with_and_without_classes_have_one_layout(tmp_path):
+    (a, ca), (b, cb) = surface(3000, 1), surface(3000, 2, (3.0, 0.0, 0.0))
+    first = write_las(tmp_path / "a.las", a, ca, np.arange(3000) % 200, classes=np.arange(3000) % 3)
+    second = write_las(tmp_path / "b.las", b, cb, np.arange(3000) * 20)
+    scene = open_scene([first, second])
+    values = FileRecords(scene).of(slice(0, scene.count))
+    drawn = attributes_of(scene)
+    np.testing.assert_array_equal(drawn.classification, values.columns["classification"])
+    assert np.abs(drawn.intensity.astype(float) - values.columns["intensity"]).max() <= scene.attributes.step / 2 + 0.5
+
+
+def test_a_file_is_converted_by_another_process(tmp_path, store):
+    files = tiles(tmp_path, 2)
+    options = pickle.loads(pickle.dumps(PlaceOptions(cell_size=2.0)))
+    folder = convert_one(files[0], store, options)
+    assert load(folder, [files[0]]).cell_size == 2.0
+    script = ("import pickle, sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); import pointglass;"
+              "from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one;"
+              "print(convert_one(Path(sys.argv[2]), Path(sys.argv[3]), PlaceOptions(cell_size=2.0)))")
+    run = subprocess.run([sys.executable, "-c", script, ROOT, files[1], store], capture_output=True, text=True, check=True)
+    assert Path(run.stdout.strip()).is_dir()
+    before = grids_in(store)
+    scene = open_scene(files)
+    assert scene.cell_size == 2.0 and grids_in(store) == before
+
+
+def test_colours_of_single_points_are_those_of_the_place(tmp_path):
+    scene = open_scene(tiles(tmp_path, 2), match=False)
+    np.testing.assert_array_equal(colours(packed(scene, slice(5, 50))), unpack(scene, np.arange(5, 50))[1])

@@ -1,0 +1,144 @@
+"""The points of several grids under one numbering, without a copy of them.
+
+Order: density layer, then grid, then as in the grid.  So the first points are the coarse layers of all grids, as in a scene
+of one grid.  The numbering is a table of pieces, a run of points of one layer of one grid each.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from .point_change import PointChange
+
+_OPEN = 64
+"""Memory maps that are kept; the kernel limits open files to 1024 of a process by default, and each map holds one."""
+
+
+class OpenColumns:
+    """Memory maps of columns, opened when they are needed; those used last are kept.  From any thread.
+
+    open_column: maps a file (viewer.grid.cache.mapped)."""
+
+    def __init__(self, paths: list[Path], open_column: Callable[[Path], np.ndarray]):
+        self._paths, self._open_column = paths, open_column
+        self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
+        self._lock = Lock()
+
+    def __getitem__(self, number: int) -> np.ndarray:
+        with self._lock:
+            found = self._kept.pop(number, None)
+            if found is None:
+                found = self._open_column(self._paths[number])
+            self._kept[number] = found
+            while len(self._kept) > _OPEN:
+                self._kept.popitem(last=False)
+            return found
+
+
+class PieceTable:
+    """Which grid has a point.  offsets: of each grid, as in Scene, with the same number of layers.
+
+    starts: (L * G + 1,) int64 number of the first point of each piece; piece k * G + g is layer k of grid g.
+    local: (L * G,) int64 number of that point in its grid.  counts: points of each grid.
+    """
+
+    def __init__(self, offsets: list[np.ndarray], layers: int):
+        self.grids, self.counts = len(offsets), [int(found[-1]) for found in offsets]
+        edges = np.stack([found[:: (len(found) - 1) // layers] for found in offsets], axis=1)
+        self.local = np.ascontiguousarray(edges[:-1]).reshape(-1)
+        self.starts = np.concatenate([[0], np.cumsum(np.diff(edges, axis=0).reshape(-1))])
+
+    def runs(self, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
+        """(grid, number in it, count) of the pieces of the points ``start`` to ``stop``, in order."""
+        piece = int(np.searchsorted(self.starts, start, side="right")) - 1
+        while start < stop:
+            end = min(int(self.starts[piece + 1]), stop)
+            if end > start:
+                yield piece % self.grids, int(self.local[piece] + start - self.starts[piece]), end - start
+            start, piece = end, piece + 1
+
+    def places(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """For numbers of points (n,): the grid, and the number in it, (n,) int64 each."""
+        piece = np.searchsorted(self.starts, numbers, side="right") - 1
+        return piece % self.grids, self.local[piece] + numbers - self.starts[piece]
+
+
+class JoinedColumn:
+    """A column with a row for each point, read from the grids: what may be done with an array of it is to index its rows.
+
+    columns: of each grid.  shape, dtype: of the whole.
+    """
+
+    def __init__(self, table: PieceTable, columns: OpenColumns, width: tuple[int, ...], dtype: type):
+        self.table, self._columns = table, columns
+        self.shape, self.dtype, self.ndim = (int(table.starts[-1]), *width), np.dtype(dtype), 1 + len(width)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __array__(self, *_, **__) -> np.ndarray:
+        raise TypeError("the points of a place are not one array: use viewer.grid.gathered_rows")
+
+    def __getitem__(self, index: Any) -> np.ndarray:
+        if isinstance(index, tuple):
+            return self[index[0]][(slice(None), *index[1:])]
+        if isinstance(index, slice):
+            start, stop, step = index.indices(len(self))
+            if step != 1:
+                return self._some(np.arange(start, stop, step))
+            return self._run(start, max(start, stop))
+        numbers = np.asarray(index)
+        if numbers.dtype == bool:
+            numbers = np.flatnonzero(numbers)
+        found = self._some(np.where(numbers < 0, numbers + len(self), numbers).reshape(-1).astype(np.int64))
+        return found[0] if numbers.ndim == 0 else found
+
+    def _run(self, start: int, stop: int) -> np.ndarray:
+        found, at = np.empty((stop - start, *self.shape[1:]), self.dtype), 0
+        for grid, first, count in self.table.runs(start, stop):
+            part = found[at : at + count]
+            part[:] = self._columns[grid][first : first + count]
+            self._changed(grid, part)
+            at += count
+        return found
+
+    def _some(self, numbers: np.ndarray) -> np.ndarray:
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(self):
+            raise IndexError(f"points {numbers.min()} to {numbers.max()} of {len(self)}")
+        grids, local = self.table.places(numbers)
+        order = np.argsort(grids, kind="stable")
+        found = np.empty((len(numbers), *self.shape[1:]), self.dtype)
+        here, first = np.unique(grids[order], return_index=True)
+        for grid, rows in zip(here.tolist(), np.split(order, first[1:])):
+            part = np.asarray(self._columns[grid][local[rows]])
+            self._changed(grid, part)
+            found[rows] = part
+        return found
+
+    def _changed(self, grid: int, rows: np.ndarray) -> None:
+        """Changes rows of a grid in place: a joined column may differ from what the grids store."""
+
+
+class JoinedPoints(JoinedColumn):
+    """Packed points (N, 3) uint32.  files: of the points of each grid, .npy.  checksums: of each grid, as in Scene.
+    changes: of each grid's points."""
+
+    def __init__(self, table: PieceTable, files: list[Path], checksums: list[np.ndarray], changes: list[PointChange],
+                 open_column: Callable[[Path], np.ndarray]):
+        super().__init__(table, OpenColumns(files, open_column), (3,), np.uint32)
+        self.files, self.checksums, self.changes = files, checksums, changes
+
+    def count_of(self, grid: int) -> int:
+        """Points of a grid."""
+        return self.table.counts[grid]
+
+    def map_of(self, grid: int) -> np.ndarray:
+        """The points of a grid as its file has them, memory-mapped."""
+        return self._columns[grid]
+
+    def _changed(self, grid: int, rows: np.ndarray) -> None:
+        self.changes[grid].apply(rows)

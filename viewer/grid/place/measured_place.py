@@ -1,0 +1,80 @@
+"""What is measured of a place as a whole, kept in the cache beside the grids: gains between stations, point spacing, and where
+black is no colour.
+
+It is measured again where a grid comes, goes or changes, from samples of the points: seconds for hundreds of files.
+"""
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ....model.common.files.atomic_write import write_atomic
+from ...common.paths import cache_dir
+from ...common.progress import progress
+from ..cache import mapped
+from ..scene import Scene
+from .join_grids import joined
+from .joined_exposures import applied_gains, has_missing_black, solved_gains, station_counts
+from .joined_spacing import joined_spacing
+
+VERSION = 1
+"""Of what is kept."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """gains: (S, 3), of all stations.  matched: of how many they could be found.  spacing: file units.  missing_black: of each
+    grid whether its black points have no colour."""
+
+    gains: np.ndarray
+    matched: int
+    spacing: float
+    missing_black: list[bool]
+
+
+def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: bool = True) -> Scene:
+    """The scene of several grids, with their exposures compensated, if ``match``.  Raises InputError as
+    viewer.grid.place.join_grids.
+
+    scenes: as read from ``folders``.
+    """
+    kept, stations = _kept(scenes, folders, match), station_counts(scenes)
+    found = _read(kept, sum(stations), len(scenes))
+    if found is None:
+        with progress(0, "joining the grids") as meter:
+            meter.update(0)
+            gains, matched = solved_gains(scenes, stations) if match else (np.ones((sum(stations), 3)), 0)
+            found = Measured(gains, matched, joined_spacing(joined(scenes, folders, mapped)), has_missing_black(scenes))
+        _write(kept, found)
+    by_grid, summary = applied_gains(found.gains, found.matched, stations)
+    scene = replace(joined(scenes, folders, mapped, by_grid, found.missing_black), spacing=found.spacing)
+    return replace(scene, meta=replace(scene.meta, exposures=summary)) if match else scene
+
+
+def _kept(scenes: Sequence[Scene], folders: Sequence[Path], match: bool) -> Path:
+    """The file in the cache for these grids."""
+    sums = [0 if scene.checksums is None else int(np.bitwise_xor.reduce(np.asarray(scene.checksums))) for scene in scenes]
+    key = [VERSION, match, [[str(folder), scene.count, own] for folder, scene, own in zip(folders, scenes, sums)]]
+    return cache_dir() / "places" / f"{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
+
+
+def _read(kept: Path, stations: int, grids: int) -> Measured | None:
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        known = json.loads(kept.read_text("utf-8"))
+        gains, spacing = np.array(known["gains"], np.float64), float(known["spacing"])
+        usable = gains.shape == (stations, 3) and np.isfinite(gains).all() and gains.min() > 0 and 0 < spacing < np.inf
+        black = [bool(one) for one in known["missing_black"]]
+        return Measured(gains, int(known["matched"]), spacing, black) if usable and len(black) == grids else None
+    return None
+
+
+def _write(kept: Path, found: Measured) -> None:
+    text = json.dumps(asdict(found) | {"gains": found.gains.tolist()})
+    with contextlib.suppress(OSError):  # a cache that cannot be written costs time only
+        kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_atomic(kept, lambda part: part.write_text(text, "utf-8"))

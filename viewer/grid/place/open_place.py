@@ -1,0 +1,86 @@
+"""Opens files as a place: each file's grid from the cache, or converted; then joined.
+
+A few small files are converted into one grid instead (:func:`is_place`): that takes seconds, and decisions on colours
+(exposures by flight line, the range of a height ramp, noise) then see all points at once.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...common.errors import InputError
+from ...common.paths import cache_dir
+from ...common.progress import named_progress, progress
+from .. import cache as stored
+from ..scene import Scene
+from .convert_files import PlaceOptions, convert_one, known_grids, largest, refuse_none
+from .measured_place import scene_of_grids
+
+if TYPE_CHECKING:
+    from ...readers.moved_source import Moves
+
+MOST_AS_ONE = 16
+"""Files that may be converted into one grid; of more, some change while others stay."""
+BYTES_AS_ONE = 32 << 20
+"""Bytes of all files that are converted into one grid, at most: about 6 million points of LAZ, 3 to 5 s on two cores."""
+_log = logging.getLogger(__name__)
+
+
+def is_place(files: Sequence[Path]) -> bool:
+    """Whether each of ``files`` gets a grid of its own."""
+    if len(files) < 2:
+        return False
+    return len(files) > MOST_AS_ONE or sum(file.stat().st_size for file in files) > BYTES_AS_ONE
+
+
+def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None
+               ) -> tuple[Scene, list[InputError]]:
+    """One scene of ``files``, and why each of those that are not in it could not be read.
+
+    match, columns, moves: as for viewer.grid.open_scene.  Files whose grid is in the cache are not read.  Raises InputError
+    where none can be read or the cache cannot be written; Cancelled where progress is cancelled: grids that are complete stay.
+    """
+    cache = cache_dir()
+    options = PlaceOptions(match, columns, tuple((moves or {}).items()))
+    known = known_grids(files, cache, options)
+    size = known.common_size()
+    folders = {file: sizes[size] for file, sizes in known.folders.items() if size is not None and size in sizes}
+    errors: dict[Path, InputError] = {}
+    wanted = [file for file in files if file not in folders]
+    if size is None:  # the first grid decides
+        wanted.sort(key=lambda file: file != largest(files))
+    with progress(len(wanted), "converting files", " file") as meter:
+        for number, file in enumerate(wanted, 1):
+            try:
+                with named_progress(f"{file.name} ({number} of {len(wanted)})"):
+                    folders[file] = convert_one(file, cache, replace(options, cell_size=size))
+                if size is None:
+                    size = stored.load_folder(folders[file]).cell_size
+            except stored.CacheError:
+                raise
+            except InputError as error:
+                errors[file] = error
+            meter.update(1)
+    refuse_none(files, list(errors.values()))
+    opened = [file for file in files if file in folders]
+    scenes = [_opened(folders[file], file, cache, replace(options, cell_size=size)) for file in opened]
+    return scene_of_grids(scenes, [folders[file] for file in opened], match=match), [errors[f] for f in files if f in errors]
+
+
+def missing_grids(files: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None
+                  ) -> list[Path]:
+    """The files that would be converted.  match, columns, moves: as for open_place."""
+    known = known_grids(files, cache_dir(), PlaceOptions(match, columns, tuple((moves or {}).items())))
+    size = known.common_size()
+    return [file for file in files if size not in known.folders[file]]
+
+
+def _opened(folder: Path, file: Path, cache: Path, options: PlaceOptions) -> Scene:
+    scene = stored.load(folder, [file])
+    if scene is None:  # damaged: what cannot be used is built anew
+        scene = stored.load(convert_one(file, cache, options), [file])
+    if scene is None:
+        raise InputError("its grid cannot be read again", file=file, remedy="open the scan again")
+    return scene
