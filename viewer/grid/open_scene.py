@@ -22,6 +22,7 @@ from ..preprocess.scan_description import (
 )
 from ..readers.moved_source import refuse_moved_grid
 from .build_scene import build_scene, in_memory, warnings_of
+from .place.many_files import is_place
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -49,7 +50,6 @@ def open_scene(
     progress is cancelled.
     """
     from . import cache as stored
-    from .place.open_place import is_place, open_place
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
@@ -61,6 +61,8 @@ def open_scene(
         return scene
     files, left_out = present(files)
     if cache and is_place(files):
+        from .place.open_place import open_place
+
         scene, unread = open_place(files, match=match, columns=columns, moves=moves)
         left_out += unread
     elif not cache:
@@ -78,9 +80,10 @@ def open_scene(
 def is_cached(files: list[Path], match: bool = True, columns: str | None = None, moves: "Moves | None" = None) -> bool:
     """Whether the grids of files are in the cache, so that nothing is converted.  match, columns, moves: as for open_scene."""
     from . import cache as stored
-    from .place.open_place import is_place, missing_grids
 
     if is_place(files):
+        from .place.open_place import missing_grids
+
         return not missing_grids(files, match=match, columns=columns, moves=moves)
     return (stored.folder_of(files, match, columns, moves) / "meta.json").is_file()
 

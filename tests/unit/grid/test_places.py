@@ -16,7 +16,7 @@ from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.grid.cache import load, load_folder
 from pointglass.viewer.grid.gathered_rows import gathered
 from pointglass.viewer.grid.open_scene import open_scene
-from pointglass.viewer.grid.place import open_place as place
+from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import CHUNK, attributes_of, colours, packed, unpack
@@ -30,7 +30,7 @@ def store(tmp_path, monkeypatch):
     """An empty cache of the test's own; two files are a place."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("POINTGLASS_CACHE", str(folder))
-    monkeypatch.setattr(place, "BYTES_AS_ONE", 0)
+    monkeypatch.setattr(many_files, "BYTES_AS_ONE", 0)
     return folder
 
 

@@ -20,7 +20,6 @@ from ..cache import mapped
 from ..scene import Scene
 from .join_grids import joined
 from .joined_exposures import applied_gains, has_missing_black, solved_gains, station_counts
-from .joined_spacing import joined_spacing
 
 VERSION = 1
 """Of what is kept."""
@@ -46,6 +45,8 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
     kept, stations = _kept(scenes, folders, match), station_counts(scenes)
     found = _read(kept, sum(stations), len(scenes))
     if found is None:
+        from .joined_spacing import joined_spacing  # compiled loops
+
         with progress(0, "joining the grids") as meter:
             meter.update(0)
             gains, matched = solved_gains(scenes, stations) if match else (np.ones((sum(stations), 3)), 0)

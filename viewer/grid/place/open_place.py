@@ -1,8 +1,4 @@
-"""Opens files as a place: each file's grid from the cache, or converted; then joined.
-
-A few small files are converted into one grid instead (:func:`is_place`): that takes seconds, and decisions on colours
-(exposures by flight line, the range of a height ramp, noise) then see all points at once.
-"""
+"""Opens files as a place: each file's grid from the cache, or converted; then joined."""
 
 import logging
 from collections.abc import Sequence
@@ -21,18 +17,7 @@ from .measured_place import scene_of_grids
 if TYPE_CHECKING:
     from ...readers.moved_source import Moves
 
-MOST_AS_ONE = 16
-"""Files that may be converted into one grid; of more, some change while others stay."""
-BYTES_AS_ONE = 32 << 20
-"""Bytes of all files that are converted into one grid, at most: about 6 million points of LAZ, 3 to 5 s on two cores."""
 _log = logging.getLogger(__name__)
-
-
-def is_place(files: Sequence[Path]) -> bool:
-    """Whether each of ``files`` gets a grid of its own."""
-    if len(files) < 2:
-        return False
-    return len(files) > MOST_AS_ONE or sum(file.stat().st_size for file in files) > BYTES_AS_ONE
 
 
 def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None
