@@ -35,6 +35,7 @@ def edited(name: str, data: bytes, rng: random.Random) -> bytes:
         ".laz": scan_forms.las,
         ".ply": scan_forms.ply,
         ".pcd": scan_forms.pcd,
+        ".spz": scan_forms.spz,
         ".png": _png,
         ".npy": _npy,
         ".gz": _gzip,

@@ -1,8 +1,10 @@
 """Edits of scan files by their form: LAS, E57, PLY, PCD."""
 
+import gzip
 import random
 import re
 import struct
+import zlib
 from functools import lru_cache
 
 from .checksums import crc32c
@@ -167,3 +169,22 @@ def _headed(data: bytes, end: int, text: bool, rng: random.Random) -> bytes:
     if rng.random() < 0.8:
         return edited_text(data, rng, (0, end))
     return edited_bytes(data, rng)
+
+
+# ---- SPZ: a header and columns in gzip, or a header and a table before zstandard frames
+def spz(data: bytes, rng: random.Random) -> bytes:
+    packed = data.startswith(b"\x1f\x8b")
+    try:
+        out = bytearray(gzip.decompress(data) if packed else data)
+    except (OSError, EOFError, zlib.error):  # an earlier edit broke the stream
+        return edited_bytes(data, rng)
+    places = [(4, "I"), (8, "I"), (12, "B"), (13, "B"), (14, "B"), (15, "B")]
+    if not packed:
+        places += [(16, "I"), *((32 + 8 * number, "Q") for number in range(12))]
+    if rng.random() < 0.7:
+        put_number(out, *rng.choice(places), rng)
+    elif rng.random() < 0.1:
+        out += bytes(1 << 24)
+    else:
+        out = bytearray(edited_bytes(bytes(out), rng))
+    return gzip.compress(bytes(out), 1, mtime=0) if packed else bytes(out)

@@ -1,5 +1,6 @@
 """Small good scans in every format: in one file, in folders of tiles, and as text.  The same bytes each time."""
 
+import gzip
 import struct
 import sys
 from collections.abc import Callable
@@ -114,6 +115,23 @@ def _splats(path: Path) -> None:
     path.write_bytes(head.encode() + rows.tobytes() + bytes(4 * POINTS))
 
 
+def _spz(path: Path, version: int, degree: int = 0) -> None:
+    """Splats as SPZ: of versions 1 to 3 one gzip stream, of version 4 zstandard frames behind a table."""
+    import zstandard
+
+    rng = np.random.default_rng(version)
+    widths = [6 if version == 1 else 9, 1, 3, 3, 4 if version > 2 else 3, (0, 9, 24, 45)[degree]]
+    columns = [rng.integers(100, 256, POINTS * width, np.uint8).tobytes() for width in widths if width]
+    streams = len(columns) if version > 3 else 0
+    head = struct.pack("<4sIIBBBB", b"NGSP", version, POINTS, degree, 12, 0, streams)
+    if version < 4:
+        path.write_bytes(gzip.compress(head + b"".join(columns), mtime=0))
+        return
+    frames = [zstandard.compress(column) for column in columns]
+    table = b"".join(struct.pack("<QQ", len(frame), len(column)) for frame, column in zip(frames, columns))
+    path.write_bytes(head + struct.pack("<I12x", 32) + table + b"".join(frames))
+
+
 def texts() -> dict[str, bytes]:
     points = some(POINTS)
     plain, coloured = text_rows([points.xyz]), text_rows([points.xyz, points.rgb])
@@ -149,6 +167,7 @@ ONE_FILE: dict[str, dict[str, Callable[[Path], object]]] = {
         "c.pcd": lambda p: write_pcd(p, some(POINTS), "binary_compressed", packed="U"),
         "d.pcd": lambda p: write_pcd(p, some(POINTS), "binary_compressed", packed=None, pad=True),
     },
+    "spz": {f"{version}.spz": lambda p, version=version: _spz(p, version, version % 3) for version in (1, 2, 3, 4)},
     "ptx": {"a.ptx": lambda p: write_ptx(p, [PtxScan(some(20)), PtxScan(some(20, 1), empty=3)])},
 }
 FOLDERS: dict[str, dict[str, Callable[[Path], object]]] = {

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from ..common.errors import InputError, Option
 from .grid_folder import is_grid
 from .remote.address import SCHEMES, address_in, is_address
+from .splats.spz_stream import FRONT, GZIP, spz_front
+from .splats.spz_stream import MAGIC as SPZ
 from .text.utf16 import as_utf8
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ FORMATS = (
     Format(("E57",), ("e57.e57_source", "E57Source"), (".e57",), (b"ASTM",)),
     Format(("LAS", "LAZ", "COPC"), ("las.las_source", "LasSource"), (".las", ".laz"), (b"LASF",)),
     Format(("PLY",), ("ply.splat_ply_source", "open_ply"), (".ply",), (b"ply\n", b"ply\r")),
+    Format(("SPZ",), ("splats.spz_source", "SpzSource"), (".spz",), (SPZ,)),
     Format(("PCD",), ("pcd.pcd_source", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
     Format(("PTS",), ("text.pts", "open_pts"), (".pts",), takes_columns=True),
     Format(("PTX",), ("text.ptx", "PtxSource"), (".ptx",)),
@@ -181,6 +184,8 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD)
+            if head.startswith(GZIP):
+                head = SPZ if path.suffix.lower() == ".spz" else spz_front(head + file.read(FRONT))
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", file=path) from None
     suffix = path.suffix.lower()

@@ -1,0 +1,1 @@
+"""SPZ, a format of Gaussian splats only."""
