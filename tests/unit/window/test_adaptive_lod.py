@@ -45,6 +45,40 @@ def test_a_network_runs_beside_the_flight_only_where_whole_pictures_leave_it_tim
     assert lod.scale(moving=True) == 0.5 and not lod.spare, "pixels are left out"
 
 
+def test_photographs_colour_a_flight_only_while_whole_pictures_have_time_for_them():
+    lod = AdaptiveLod(target_ms=60.0)
+    assert lod.photographs
+    lod.drew(None, frame_cost(total_ms=70.0, raster=10.0, photographs=30.0), moving=True)
+    assert lod.photographs and lod.scale(moving=True) == 1.0
+    lod.drew(None, frame_cost(total_ms=90.0, raster=10.0, photographs=30.0), moving=True)
+    assert not lod.photographs and lod.scale(moving=True) == 1.0, "they go before pixels do"
+    for _ in range(80):
+        lod.drew(None, frame_cost(total_ms=40.0, raster=10.0), moving=True)
+        assert not lod.photographs, "with them a picture would take 70 ms"
+    lod.drew(None, frame_cost(total_ms=20.0, raster=10.0), moving=True)
+    assert lod.photographs
+
+
+def test_the_picture_at_rest_gets_the_photographs_that_the_flight_left_out():
+    made, clock = session()
+    made.view_settings.show("filled")
+    finish(made)
+    made.drew(made.screen.plan, frame_cost())
+    clock.now += 1
+    made.flight.held.add("forward")
+    made.advance()
+    for _ in range(2):
+        made.drew(made.screen.plan, frame_cost(total_ms=200.0, raster=1.0, photographs=30.0))
+    assert not made.screen.plan.photographs
+    made.drew(made.screen.plan, frame_cost(total_ms=10.0, raster=1.0))
+    assert "no colours of photographs while moving" in made.screen.approximations
+    made.flight.held.clear()
+    for _ in range(200):
+        clock.now += 1 / 60
+        made.advance()
+    assert made.screen.plan.photographs and made.screen.needs_picture
+
+
 def test_the_status_bar_warns_of_what_is_left_out_and_not_of_what_the_settings_ask_for():
     made, clock = session()
     made.view_settings.show("neural")

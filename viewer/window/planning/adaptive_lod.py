@@ -1,8 +1,9 @@
 """Adaptive level of detail: what a moving picture leaves out to hold a frame time, and how the picture at rest gets it back.
 
-While the camera moves, in this order: a smaller network, the filled view instead of a network, a lower internal resolution,
-fewer points per pixel; and cells that were hidden in the frame before are skipped.  The order is that of the error at equal
-time, measured along the fixed path of three scans at 1280x720 (PSNR to the full neural picture: demo, studio, plant room):
+While the camera moves, in this order: a smaller network, the filled view instead of a network, no colours of photographs, a
+lower internal resolution, fewer points per pixel; and cells that were hidden in the frame before are skipped.  But for the
+photographs the order is that of the error at equal time, measured along the fixed path of three scans at 1280x720 (PSNR to the
+full neural picture: demo, studio, plant room):
 
     the fast network at full resolution     35.0  42.1  41.2 dB     the balanced one at 75 %, as slow     30.6  38.8  36.5 dB
     the filled view at full resolution      30.8  36.2  37.7 dB     the same at 75 %                      28.3  36.3  35.4 dB
@@ -57,7 +58,8 @@ _SPARE = 0.45  # share of the points' target below which twice the points are dr
 
 class AdaptiveLod:
     """keep_up: whether anything may be left out while moving.  target_ms: frame time to hold while the camera moves.
-    spare: whether a moving picture with nothing left out leaves SPARE of that time to a network beside the flight."""
+    spare: whether a moving picture with nothing left out leaves SPARE of that time to a network beside the flight.
+    photographs: whether a moving picture has time for the colours of photographs."""
 
     def __init__(self, target_ms: float = TARGET_CPU_MS) -> None:
         self.keep_up = True
@@ -76,6 +78,8 @@ class AdaptiveLod:
         self.spare = False
         self._idle = self._looked = self._stay = 0
         self._no_network = self._no_scale = self._no_all = 0  # moving frames until it is tried again
+        self._no_photos, self._photo_ms = 0, 0.0  # of a picture at full resolution
+        self.photographs = True
         self._floor = COARSEST
         self._before: tuple[float | None, int, float] | None = None
 
@@ -156,14 +160,14 @@ class AdaptiveLod:
             self._drew_at_rest(spent, cost.points_drawn)
 
     def _drew_moving(self, level: float | None, spent: float, cost: FrameCost, neural: bool) -> None:
-        self._no_network, self._no_scale, self._no_all, self._stay = (
-            max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._stay)
+        self._no_network, self._no_scale, self._no_all, self._no_photos, self._stay = (
+            max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._no_photos, self._stay)
         )
         total, whole = max(cost.total_ms, spent), self.target_ms - self._outside
         self.spare = level is None and self._scale == 0 and total < (1 - SPARE) * whole
         if neural and total > _SLOWER * whole:
             self._no_network = _PATIENCE
-        elif not self._fit_resolution(total, spent):
+        elif not self._fit_photographs(total, cost.stages.get("photographs", 0.0)) and not self._fit_resolution(total, spent):
             target = max(POINTS_SHARE * whole, whole - (total - spent))  # the raw view has no other stages
             self._fit_points(level, spent, target, cost.points_drawn)
         if self._stay == 0:
@@ -175,6 +179,23 @@ class AdaptiveLod:
             hidden = cost.hidden.points_hidden
             if hidden < LEAST_HIDDEN * (hidden + cost.points_drawn):
                 self._idle, self._looked = _PATIENCE, 0
+
+    @property
+    def knows_photographs(self) -> bool:
+        """Whether photographs have coloured a moving picture."""
+        return self._photo_ms > 0
+
+    def _fit_photographs(self, total: float, spent: float) -> bool:
+        """Leaves the photographs out of the next pictures, or takes them back.  Returns whether it left them out: then this
+        frame says nothing about the resolution.  total: milliseconds of the picture.  spent: those of the photographs."""
+        target, share = self.target_ms - self._outside, SCALES[self._scale] ** 2
+        if spent:
+            self._photo_ms = spent / share
+            if total > _SLOWER * target:
+                self.photographs, self._no_photos = False, _PATIENCE
+        elif not self.photographs and self._no_photos == 0:
+            self.photographs = total + self._photo_ms * share < _FASTER * target
+        return spent > 0 and not self.photographs
 
     def _fit_resolution(self, total: float, spent: float) -> bool:
         """Lowers or raises the internal resolution.  Returns whether it changed: then this frame says nothing about points.

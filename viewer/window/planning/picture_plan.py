@@ -19,7 +19,8 @@ class Plan:
     contended: coarse while moving, because a network of an earlier picture runs on the processors that draw.
     network: the quality that the neural view is drawn with, None without one.
     keyframes: the quality of the network that runs beside the pictures where the filled view stands in for the neural one, so
-    that what it made last can be moved; else None.  spare: whether pictures leave time for it."""
+    that what it made last can be moved; else None.  spare: whether pictures leave time for it.
+    photographs: whether they colour surfaces."""
 
     views: tuple[str, ...]
     level: float | None
@@ -31,6 +32,7 @@ class Plan:
     network: str | None = None
     keyframes: str | None = None
     spare: bool = False
+    photographs: bool = True
 
 
 class RefinementState:
@@ -76,13 +78,14 @@ class RefinementState:
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
                     adaptive.scale(moving=moving, contended=contended), contended=contended,
                     deferred="neural" in drawn and not moving, network=network,
-                    keyframes=networks[-1] if stands_in else None, spare=adaptive.spare)
+                    keyframes=networks[-1] if stands_in else None, spare=adaptive.spare,
+                    photographs=not moving or not adaptive.keep_up or (adaptive.photographs and not contended))
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""
         made = self.pending or self.made
-        return (made is None or (made.views, made.level, made.scale, made.network) != (plan.views, plan.level, plan.scale,
-                                                                                       plan.network)
+        return (made is None or (made.views, made.level, made.scale, made.network, made.photographs)
+                != (plan.views, plan.level, plan.scale, plan.network, plan.photographs)
                 or (made.hides and not plan.hides))
 
     def drew(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,

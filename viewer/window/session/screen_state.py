@@ -77,6 +77,8 @@ class ScreenState:
         picture = self._picture.made
         if picture is not None and picture.scale < 1.0:
             made.append(f"internal resolution {100 * picture.scale:.0f} %")
+        if picture is not None and not picture.photographs and self._picture.adaptive_lod.knows_photographs:
+            made.append("no colours of photographs while moving")
         if (smaller := self.smaller_network) is not None:
             made.append(f"the {smaller} network while moving")
         if self.drawn != self._view_settings.sides and "neural" in self._view_settings.sides:

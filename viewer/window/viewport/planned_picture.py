@@ -18,6 +18,6 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
 
 def as_planned(spec: "PictureSpec", plan: "Plan", begun: str | None) -> "PictureSpec":
     """The description of what is rendered for ``spec``, with what the plan leaves out.  begun: the network started besides."""
-    photos = "off" if plan.moving else spec.settings.photos  # in flight there is no time for them
+    photos = spec.settings.photos if plan.photographs else "off"
     settings = replace(spec.settings, lod=plan.level, quality=plan.network or begun or spec.settings.quality, photos=photos)
     return replace(spec, camera=scaled(spec.camera, plan.scale), settings=settings, views=plan.views)
