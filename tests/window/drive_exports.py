@@ -71,6 +71,37 @@ def check_a_name_that_cannot_be_written_is_told_and_the_scan_is_never_replaced(p
     assert "the scan itself" in p.d.session.notices.message.text and scan.read_bytes() == before
 
 
+def check_splats_are_asked_how_many_and_a_name_with_ply_alone_holds_them(p: Person, folder: Path) -> None:
+    from plyfile import PlyData
+
+    out = folder / "projects" / "wall.splats.ply"
+    p.click(f"{icons.EXPORT}##export")
+    p.listed()
+    p.click("##kind")
+    p.d.picture("kinds of export")
+    p.click("Gaussian splats, PLY (*.splats.ply)")
+    p.d.settle()
+    assert p.choice.text.endswith(" part.splats.ply")
+    xdo("key", "ctrl+a")
+    p.type(f"{folder}/projects/wall.ply")
+    p.key("Return")
+    p.d.until(lambda: p.d.session.notices.message is not None, 60.0)
+    message = p.d.session.notices.message
+    assert message.title == "How many splats?" and "wall.splats.ply" in message.text
+    assert [answer.label for answer in message.answers] == ["2 million", "0.5 million", "8 million", "Cancel"]
+    p.d.settle()
+    p.d.picture("budget of splats")
+    with held(points_export, "export"):
+        p.click("0.5 million##1")
+        p.d.until(lambda: p.d.app.save_actions.points.worker is not None)
+        assert p.d.app.save_actions.points.worker.title == "Exporting splats to wall.splats.ply"
+    p.d.until(lambda: out in p.d.session.notices.saved, 90.0)
+    rows = PlyData.read(out)["vertex"]
+    assert "f_dc_0" in rows and 0 < len(rows.data) <= 4000 and not (folder / "projects" / "wall.ply").exists()
+    assert "splats" in p.d.session.notices.toasts[-1].text
+    p.d.session.notices.message = None  # what a PLY of splats does not hold
+
+
 def lasso(p: Person, *corners: tuple[float, float], modifier: str = "") -> None:
     """Draws a line with the left button held.  corners: shares of the picture's width and height."""
     area, before = p.d.session.area.layout.uncovered, p.d.session.document.selection

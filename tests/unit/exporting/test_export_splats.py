@@ -186,3 +186,58 @@ def test_a_glb_begins_as_the_format_says(tmp_path):
     assert all(view["byteOffset"] % 4 == 0 for view in document["bufferViews"])
     assert struct.unpack("<I4s", data[20 + length : 28 + length]) == (document["buffers"][0]["byteLength"], b"BIN\0")
     assert len(data) == 28 + length + document["buffers"][0]["byteLength"]
+
+
+GLTF_FLOAT, GLTF_BYTE = 5126, 5121
+KERNEL = {  # attribute -> (accessor type, component type): "Attributes" of the ellipse kernel; COLOR_0: "Fallback Behavior"
+    "POSITION": ("VEC3", GLTF_FLOAT), "KHR_gaussian_splatting:ROTATION": ("VEC4", GLTF_FLOAT),
+    "KHR_gaussian_splatting:SCALE": ("VEC3", GLTF_FLOAT), "KHR_gaussian_splatting:OPACITY": ("SCALAR", GLTF_FLOAT),
+    "KHR_gaussian_splatting:SH_DEGREE_0_COEF_0": ("VEC3", GLTF_FLOAT), "COLOR_0": ("VEC4", GLTF_BYTE),
+}  # fmt: skip
+
+
+def test_a_glb_keeps_each_clause_of_khr_gaussian_splatting(tmp_path, seed):
+    """Release candidate of 2026 (KhronosGroup/glTF, extensions/2.0/Khronos/KHR_gaussian_splatting), in its order."""
+    rng = np.random.default_rng(seed)
+    xyz = np.concatenate([np.c_[rng.random((4000, 2)) * 5, rng.normal(0, 0.002, 4000)], rng.random((60, 3)) * 5])
+    scan = scene_from_arrays(xyz, rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8))
+    count = export(Selection.in_sight(scan, NO_EDITS), tmp_path / "a.glb", budget=3000)
+    data = (tmp_path / "a.glb").read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    document, blob = json.loads(data[20 : 20 + length]), data[28 + length :]
+    primitive = document["meshes"][0]["primitives"][0]
+    # "kernel" and "colorSpace" are required; values outside the tables need a further extension
+    assert document["extensionsUsed"] == ["KHR_gaussian_splatting"] and "extensionsRequired" not in document
+    assert primitive["extensions"] == {"KHR_gaussian_splatting": {
+        "kernel": "ellipse", "colorSpace": "srgb_rec709_display", "projection": "perspective",
+        "sortingMethod": "cameraDistance"}}  # fmt: skip
+    assert primitive["mode"] == 0  # "The mode property of the mesh primitive MUST be POINTS (0)"
+    assert not {"matrix", "scale", "rotation"} & set(document["nodes"][0])  # decomposable: none
+    found = {}
+    for name, number in primitive["attributes"].items():
+        accessor = document["accessors"][number]
+        if name in KERNEL:
+            assert (accessor["type"], accessor["componentType"]) == KERNEL[name] and accessor["count"] == count
+        else:
+            assert name.startswith("_")  # glTF: attributes of an application begin so
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        kind = np.uint8 if accessor["componentType"] == GLTF_BYTE else np.float32
+        found[name] = np.frombuffer(blob, kind, count * width, document["bufferViews"][accessor["bufferView"]]["byteOffset"])
+        found[name] = found[name].reshape(count, width)
+    assert set(KERNEL) <= set(found) and document["accessors"][primitive["attributes"]["COLOR_0"]]["normalized"]
+    scale, opacity = found["KHR_gaussian_splatting:SCALE"], found["KHR_gaussian_splatting:OPACITY"]
+    # "Scale values are linear and MUST NOT be negative": on a plane of 25 square units splats are 0.01 to 2 units wide
+    assert (scale > 0).all() and 0.01 < np.median(scale[:, 0]) < 0.2
+    # "unit quaternions in the usual glTF order" x, y, z, w: the third axis of most is across the plane, which is y here
+    rotation = found["KHR_gaussian_splatting:ROTATION"]
+    assert np.abs(np.linalg.norm(rotation.astype(float), axis=1) - 1).max() < 1e-5
+    x, y, z, w = rotation.astype(float).T
+    assert np.quantile(np.abs(2 * (y * z - w * x)), 0.2) > 0.9
+    assert opacity.min() >= 0 and opacity.max() <= 1  # "Out-of-range values are invalid"
+    # "either all coefficients for a given degree and all lower degrees MUST be defined or none"
+    degrees = [int(name.split("_")[-3]) for name in found if "SH_DEGREE" in name]
+    assert all(degrees.count(degree) == 2 * degree + 1 for degree in range(max(degrees) + 1))
+    # the fallback: coefficients times 0.282095 plus 0.5, clamped, decoded from sRGB; alpha SHOULD be the opacity
+    srgb = np.clip(0.282095 * found["KHR_gaussian_splatting:SH_DEGREE_0_COEF_0"].astype(float) + 0.5, 0, 1)
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    assert np.abs(found["COLOR_0"] / 255 - np.c_[linear, opacity]).max() <= 0.5 / 255 + 1e-4

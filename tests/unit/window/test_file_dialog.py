@@ -216,6 +216,19 @@ def test_a_folder_of_pictures_may_be_there_already(folder):
     assert choice.result == [folder / "deeper.mp4"]
 
 
+def test_a_longer_ending_of_the_chosen_kind_is_completed(folder):
+    kinds = {"PLY": (".ply",), "Splats": (".splats.ply",), "LAZ": (".laz",)}
+    for kind, typed, given in ((1, "x.ply", "x.splats.ply"), (1, "x.PLY", "x.splats.ply"), (1, "x.splats.ply", "x.splats.ply"),
+                               (1, "x.laz", "x.laz"), (1, "x", "x.splats.ply"), (0, "x.ply", "x.ply"),
+                               (0, "x.splats.ply", "x.splats.ply"), (2, "x.ply", "x.ply")):  # fmt: skip
+        choice = made(folder, "save", endings=kinds)
+        choice.kind = kind
+        choice.type(typed)
+        choice.enter()
+        wait(choice)
+        assert choice.result == [folder / given], (kind, typed)
+
+
 def test_a_new_folder_is_made_and_entered_or_refused_in_words(folder):
     choice = made(folder, "folder", endings={"All files": ()})
     choice.make_folder("deeper")

@@ -1,6 +1,7 @@
 """The path that a person typed or pasted: what it means, what it is, and why it cannot be read or written."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -46,6 +47,18 @@ def examine(path: Path, saving: bool) -> Examined:
         return Examined(path)
     except (OSError, ValueError) as error:
         return Examined(path, problem=f"{path}: {words(error) if isinstance(error, OSError) else error}")
+
+
+def with_ending(path: Path, chosen: Sequence[str], known: Sequence[str]) -> Path:
+    """The path with the first ending of the ``chosen`` kind of file, where its name has none of the ``known`` ones, or only
+    the last part of that one: of the kind .splats.ply, x.ply is x.splats.ply."""
+    if "" in chosen or not chosen:
+        return path
+    name, last = path.name.lower(), path.suffix.lower()
+    if not name.endswith(tuple(known)):
+        return path.with_name(path.name + chosen[0])
+    partly = last and chosen[0] != last and chosen[0].endswith(last) and not name.endswith(tuple(chosen))
+    return path.with_name(path.stem + chosen[0]) if partly else path
 
 
 def _reserved(path: Path) -> bool:

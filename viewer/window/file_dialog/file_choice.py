@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..kit.worker import Worker
-from .chosen_path import Examined, examine, names_folder, pasted
+from .chosen_path import Examined, examine, names_folder, pasted, with_ending
 from .folder_list import Entry, FolderList, natural, words
 
 Endings = Mapping[str, tuple[str, ...]]
@@ -244,11 +244,8 @@ class FileChoice:
         self._examining = Worker(lambda: [examine(path, self.saving) for path in paths], "Examining", self._wake)
 
     def named(self, path: Path) -> Path:
-        """The path of a file to be saved, with the ending of the chosen kind where the name has none of the endings."""
-        all_endings = [ending for row in self.request.endings.values() for ending in row if ending]
-        if "" in self.endings or not self.endings or path.name.lower().endswith(tuple(all_endings)):
-            return path
-        return path.with_name(path.name + self.endings[0])
+        """The path of a file to be saved, with the ending of the chosen kind where the name has none (chosen_path)."""
+        return with_ending(path, self.endings, [ending for row in self.request.endings.values() for ending in row if ending])
 
     def follow(self) -> None:
         """Called in every turn of the loop: takes what the threads found."""

@@ -9,12 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...commands.exporting.command import export
-from ...commands.exporting.splat_export import splat_target
-from ...common.text import counted
+from ...commands.exporting.splat_export import BUDGET, SplatTarget, splat_target
+from ...common.text import bytes_text, counted
 from ...grid.records.point_marks import check_sets
 from ...picture.point_sets import PointSet
 from ...work.selection import Selection
 from ..file_dialog.file_dialogs import FileDialogs
+from ..kit.notices import Answer
 from ..kit.worker import Worker
 from ..session.session import Session
 from .capture import name_kept
@@ -24,6 +25,8 @@ KINDS = {
     "Gaussian splats, SPZ": (".spz",), "Gaussian splats, PLY": (".splats.ply",),
 }  # fmt: skip
 """Kinds of file that the dialog offers; a test compares their endings with those that ``export`` writes."""
+BUDGETS = {"2 million": BUDGET, "0.5 million": 500_000, "8 million": 8_000_000}
+"""Splats at most: the answers to the question that follows a name of splats, the usual one first."""
 _LAST_WAIT = 20.0
 """Seconds that a closing window waits until a given-up export has removed what it was writing."""
 
@@ -47,10 +50,18 @@ class PointsExport:
             self._session.notices.toast("The last export is still under way")
         elif only is not None:
             name = f"{shown.title.split('.')[0] or 'points'} {what}.laz"
-            self._files.save("exports", f"Export the points of {what}", name, KINDS, lambda out: self.start(out, only))
+            self._files.save("exports", f"Export the points of {what}", name, KINDS, lambda out: self.begin(out, only))
         else:
             name = f"{shown.title.split('.')[0] or 'points'} part.laz" if self._left_out else f"{shown.title} copy.laz"
-            self._files.save("exports", f"Export {self.what}", name, KINDS, self.start)
+            self._files.save("exports", f"Export {self.what}", name, KINDS, self.begin)
+
+    def begin(self, out: Path, only: PointSet | None = None) -> None:
+        """Exports to ``out``, of splats once a person has said how many.  only: as for :meth:`ask`."""
+        if (target := splat_target(out)) is None:
+            self.start(out, only)
+            return
+        answers = [Answer(label, lambda budget=budget: self.start(out, only, budget)) for label, budget in BUDGETS.items()]
+        self._session.notices.ask("How many splats?", _about_budgets(out, target), (*answers, Answer("Cancel")))
 
     @property
     def _left_out(self) -> bool:
@@ -63,8 +74,8 @@ class PointsExport:
         """What would be exported now, in words."""
         return "the points in sight" if self._left_out else "all points"
 
-    def start(self, out: Path, only: PointSet | None = None) -> None:
-        """Exports to ``out``, which may be replaced.  only: as for :meth:`ask`."""
+    def start(self, out: Path, only: PointSet | None = None, budget: int | None = None) -> None:
+        """Exports to ``out``, which may be replaced.  only: as for :meth:`ask`.  budget: splats at most."""
         session, document = self._session, self._session.document
         if session.scene is None:
             return
@@ -77,9 +88,11 @@ class PointsExport:
         def work() -> int:
             check_sets(scene, edits)
             with name_kept(out):
-                return export(Selection.in_sight(scene, edits, only=only), out, up=edits.up, note=self._losses.append)
+                return export(Selection.in_sight(scene, edits, only=only), out, up=edits.up, note=self._losses.append,
+                              budget=budget)
 
-        self.worker = Worker(work, f"Exporting {out.name}", session.loads.wake)
+        what = "points" if splat_target(out) is None else "splats"
+        self.worker = Worker(work, f"Exporting {what} to {out.name}", session.loads.wake)
 
     def follow(self) -> None:
         """Called in every turn of the loop: says what was exported, or why nothing was."""
@@ -106,3 +119,11 @@ class PointsExport:
         if self.worker is not None:
             self.worker.cancel()
             self.worker.join(_LAST_WAIT)
+
+
+def _about_budgets(out: Path, target: SplatTarget) -> str:
+    """What a person should know to choose one of BUDGETS."""
+    sizes = ", ".join(f"{label} up to {bytes_text(round(budget * target.bytes))}" for label, budget in
+                      sorted(BUDGETS.items(), key=lambda row: row[1]))
+    return (f"{out.name} will hold Gaussian splats made from the points in sight, at most: {sizes}. Browsers and phones show "
+            "0.5 to 2 million smoothly. More splats go where colours change and near scanners.")

@@ -1,4 +1,4 @@
-"""Splats as binary glTF 2.0 with KHR_gaussian_splatting (Khronos, ratified 2026); POINTS with COLOR_0 where it is not known.
+"""Splats as binary glTF 2.0 with KHR_gaussian_splatting (Khronos, 2026); POINTS with COLOR_0 where the extension is not known.
 
 Frame of the file: glTF's, y up, metres where the unit is known.  Scales are linear and opacities 0..1, as the extension says.
 The attribute ``_POINTS`` is the number of measured points that a splat stands for; ``extras`` of the asset lead
