@@ -9,7 +9,7 @@ from ..tool import ToolContext
 def coloured_surfaces(ui: Any, context: ToolContext) -> None:
     """The switch for surfaces coloured by photographs."""
     chosen = context.session.view_settings
-    changed, on = ui.checkbox("Colour surfaces by photographs", chosen.shown_settings.photos != "off")
+    changed, on = ui.checkbox("Colour by photographs", chosen.shown_settings.photos != "off")
     if changed:
         chosen.request(replace(chosen.shown_settings, photos="auto" if on else "off"))
     if ui.is_item_hovered():
