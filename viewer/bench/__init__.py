@@ -1,5 +1,5 @@
-"""Benchmarks: ``pointglass bench frame | grid | open | error | scale | versus | stability | occlusion | raster | cull |
-flight``.
+"""Benchmarks: ``pointglass bench frame | grid | open | error | scale | campus | versus | stability | occlusion | raster |
+cull | flight``.
 
 Each result includes machine, driver, versions, scan and picture size.  Run times are measured here only; no test asserts them.
 """
@@ -57,6 +57,8 @@ KINDS = {
     "grid": Kind("time to build the grid", 3, "nothing", ("points", "repeats")),
     "open": Kind("time to the first picture and to full quality", 1, "demo", SETTINGS),
     "error": Kind("time saved and error caused by each approximation", 5, "demo", ("only", "repeats")),
+    "campus": Kind("time and memory of places of 10 to 300 files", 2, "nothing",
+                   (*SETTINGS, "size", "points", "files", "keep", "repeats", "seed")),
     "scale": Kind("time and memory from 1M to 1G points", 2, "nothing", (*SETTINGS, "points", "keep", "repeats", "seed")),
     "versus": Kind("comparison with the paper's pipeline and Open3D", 3, "procedural",
                    (*SETTINGS, "size", "frames", "repeats")),
@@ -144,7 +146,7 @@ def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
     uses = {*kind.uses, *(() if kind.scan == "nothing" else _OF_SCANS)}
     defaults: dict[str, Any] = {name: getattr(type(settings)(), name) for name in SETTINGS}
     defaults |= {"procedural": None, "rooms": None, "seed": 1, "along": "path", "frames": None, "points": None, "keep": None,
-              "only": None, "repeats": None}  # fmt: skip
+              "files": None, "only": None, "repeats": None}  # fmt: skip
     found = [name for name, value in defaults.items() if name not in uses and getattr(options, name, value) != value]
     ignored = [f"--{name.replace('_', '-')} {getattr(options, name)}" for name in found]
     if "size" not in uses and len(parse_sizes(options.size)) > 1:
@@ -263,9 +265,22 @@ def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Ou
     return culling.run_culling(parse_sizes(options.size)[0], repeats, options.seed), culling.rows, culling.plot
 
 
+def _campus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from pathlib import Path
+
+    from .cases import campus
+
+    counts = parse_counts(options.files, "--files") if options.files else campus.FILES
+    points = parse_count(options.points, "--points") if options.points else campus.POINTS
+    folder = options.keep or Path("out/campus")
+    result = campus.run_campus(folder, counts, points, parse_sizes(options.size)[0], settings, repeats, options.seed)
+    return result, campus.rows, campus.plot
+
+
 _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
     "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
     "stability": _stability, "occlusion": _occlusion, "raster": _raster, "cull": _cull, "flight": _flight,
+    "campus": _campus,
 }
 
 
@@ -288,7 +303,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="versus, occlusion (at least 3), flight (at least 12): number of cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
                         help="grid, occlusion, raster: number of points (10M, 100M, 2M); scale: the sizes (1M to 1G)")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids in this folder, and use existing ones")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids in this folder, and use existing ones; "
+                                                                 "campus: the folder of the files (out/campus)")
+    parser.add_argument("--files", metavar="N,N,...", help="campus: numbers of files (10,30,100,300)")
     parser.add_argument("--only", metavar="GROUP", help="error: only one group of approximations, such as background")
     parser.add_argument("--repeats", type=int, metavar="N", help="number of rounds (default: depends on the bench)")
     parser.add_argument("--json", type=Path, metavar="F", help="write all figures")

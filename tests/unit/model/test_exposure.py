@@ -76,3 +76,25 @@ def test_outlier_points_change_nothing(far):
         found = solve_exposures(*more, 0.03)
     assert known.matched.all()
     np.testing.assert_array_equal(found.gains, known.gains)
+
+
+def test_many_scans_are_solved_as_few_are(seed, monkeypatch):
+    """The sparse solver against the dense one, and a chain of scans too long for it; each scan overlaps the next by half."""
+    from pointglass.model.appearance import exposure
+
+    random = np.random.default_rng(seed)
+    count = 40
+    xyz = np.stack([random.random(count * 8000) * (count + 1), random.random(count * 8000), np.zeros(count * 8000)], axis=1)
+    left = np.floor(xyz[:, 0]).astype(int)
+    scan = np.clip(left - random.integers(0, 2, len(xyz)), 0, count - 1)
+    factor = random.uniform(0.9, 1.1, (count, 3))
+    true = 120 + 40 * np.sin(9 * xyz[:, :1]) * np.cos(7 * xyz[:, 1:2])
+    rgb = np.clip(np.rint(true * factor[scan]), 0, 255).astype(np.uint8)
+    spacing = 0.007
+    dense = exposure.solve_exposures(xyz, rgb, scan, spacing)
+    monkeypatch.setattr(exposure, "_DENSE", 0)
+    sparse = exposure.solve_exposures(xyz, rgb, scan, spacing)
+    assert dense.matched.all() and sparse.matched.all()
+    np.testing.assert_allclose(sparse.gains, dense.gains, rtol=1e-6)
+    evened = sparse.gains * factor
+    assert np.ptp(evened, axis=0).max() < 0.03 < np.ptp(factor, axis=0).min()

@@ -16,6 +16,12 @@ from ...preprocess.point_colour import BLACK_TO_DARK, DARK_LEVEL
 from ...preprocess.scan_description import ExposureSummary
 from ..scene import Scene, unpack
 
+OF_STATION = 16_384
+"""Points of a station, about, that are compared: two that share a room of 6 x 5 x 2.8 m then share 800 voxels, with a
+quarter of the points 200, fewer than are needed (model.appearance.exposure.SHARED_VOXELS)."""
+MOST_SAMPLED = 6_000_000
+"""Points of all stations at most: 250 MB."""
+
 
 def station_counts(scenes: Sequence[Scene]) -> list[int]:
     """Of each grid the stations that have a gain of their own."""
@@ -36,12 +42,13 @@ def solved_gains(scenes: Sequence[Scene], stations: Sequence[int]) -> tuple[np.n
     from ....model.appearance.exposure import exposures_of
 
     first, total = np.cumsum([0, *stations]), sum(scene.count for scene in scenes)
+    wanted = max(SAMPLE, min(OF_STATION * sum(stations), MOST_SAMPLED))
     parts = []
     for scene, base, own in zip(scenes, first, stations):
-        xyz, rgb, _, station = unpack(scene, _sample(scene, SAMPLE * scene.count / total))
+        xyz, rgb, _, station = unpack(scene, _sample(scene, wanted * scene.count / total))
         parts.append((xyz, rgb, base + np.minimum(station.astype(np.int64), own - 1)))
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    gains, found = np.ones((sum(stations), 3)), exposures_of(xyz, rgb, station, sample=SAMPLE)
+    gains, found = np.ones((sum(stations), 3)), exposures_of(xyz, rgb, station, sample=wanted)
     gains[: len(found.gains)] = found.gains
     return gains, int(found.matched.sum())
 
