@@ -9,7 +9,7 @@ FILM, SCENE, NOTE, ALIGN, SELECT, COMPARE = "\uf008", "\uf013", "\uf249", "\uf0b
 """Of the tools."""
 HOME, FRAME, SIDES, ORTHOGRAPHIC = "\uf015", "\uf065", "\uf1b3", "\uf00a"
 """Of viewpoints: the start, the whole scene, from a side, parallel rays."""
-SHOWN, HIDDEN, REMOVE = "\uf06e", "\uf070", "\uf00d"
+SHOWN, HIDDEN, REMOVE, ADD = "\uf06e", "\uf070", "\uf00d", "\uf067"
 """Of what the outliner lists."""
 OUTLINER, INSPECTOR, OPEN, HELP, PROFILER = "\uf0ca", "\uf1de", "\uf07c", "\uf059", "\uf624"
 FOLD_LEFT, FOLD_RIGHT, EXPORT, NOTICE = "\uf100", "\uf101", "\uf56e", "\uf071"

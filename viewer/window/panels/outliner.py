@@ -60,6 +60,7 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
 def _scan_buttons(actions: Actions, style: Theme) -> None:
     """On the line of the heading, to its right."""
     rows = ((icons.OPEN, "open", "Open scans or a project (O)"),
+            (icons.ADD, "add", "Add scans to the scene"),
             (icons.EXPORT, "export", "Export the points in sight: not hidden, left by clips"),
             (icons.REMOVE, "close_scan", "Close the scan: back to the start page"),
             (icons.FOLD_LEFT, "fold outliner", "Fold this panel"))
@@ -130,6 +131,10 @@ def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePar
             if link(moved + fitted(Path(part.path).name, imgui.get_content_region_avail().x - imgui.calc_text_size(moved).x),
                     beside_buttons=True):
                 actions.fly_to_file(part)
+            if imgui.begin_popup_context_item("menu"):
+                if imgui.selectable("Remove from the scene", False)[0]:
+                    actions.remove_file(part)
+                imgui.end_popup()
             hint(f"{part.path}\n{motion}A click flies to it", style)
             imgui.pop_id()
     if with_scroll:

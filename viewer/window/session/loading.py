@@ -31,6 +31,7 @@ class Loaded:
     seen: what the start viewpoint needs to know.  paths: the files.  preview: a coarse scene that the complete one follows.
     follows_preview: the complete scene of a preview that is shown: the camera stays.
     variant: the scene that is shown, with other points marked as ghosts: the camera stays.
+    same_work: files of the document were added, removed or moved: the document and the camera stay.
     problems: why files could not be opened, one each.
     """
 
@@ -40,6 +41,7 @@ class Loaded:
     preview: bool = False
     follows_preview: bool = False
     variant: bool = False
+    same_work: bool = False
     problems: tuple[Problem, ...] = ()
 
 
@@ -166,11 +168,11 @@ class ScanLoads:
         self._abandoned: list[Worker] = []
 
     def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None,
-             moves: "Moves | None" = None) -> None:
+             moves: "Moves | None" = None, same_work: bool = False) -> None:
         """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
 
         as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
-        moves: transformations of the scans; None: those of what is opened.
+        moves: transformations of the scans; None: those of what is opened.  same_work: as in Loaded.
         """
         self.cancel()
         self._asked = paths, recovered
@@ -188,11 +190,13 @@ class ScanLoads:
 
         def work() -> Loaded:
             files = expanded(given)
-            previewed = self._first_picture(files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
+            shown = not same_work and self._first_picture(
+                files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
             scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
             for file in opened:
                 ends_of(file)  # read and kept here: the window asks for it when the scene is shown, and a disk may be slow
-            return Loaded(scene, survey(scene), tuple(opened), follows_preview=previewed, problems=tuple(problems))
+            return Loaded(scene, survey(scene), tuple(opened), follows_preview=shown, same_work=same_work,
+                          problems=tuple(problems))
 
         names = given[0].name if len(given) == 1 else f"{len(given)} files"
         worker: list[Worker] = []

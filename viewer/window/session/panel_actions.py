@@ -56,6 +56,9 @@ class Actions(Protocol):
     def fly_to_file(self, part: FilePart) -> None:
         """Flies to a view of one file."""
 
+    def remove_file(self, part: FilePart) -> None:
+        """Takes a file out of the scene, as a step that can be undone; the file stays where it is."""
+
     def act_on_notice(self, offer: Offer) -> None:
         """Does what a notice about the scan offers."""
 

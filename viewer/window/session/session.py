@@ -249,7 +249,7 @@ class Session:
 
     def keeps_work(self, loaded: loading.Loaded) -> bool:
         """Whether the document stays where ``loaded`` is shown."""
-        return loaded.variant or (self.shown_scan.shows_scan_of(loaded) and not self.work.opens_other)
+        return loaded.variant or loaded.same_work or (self.shown_scan.shows_scan_of(loaded) and not self.work.opens_other)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""

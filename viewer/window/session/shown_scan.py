@@ -66,7 +66,7 @@ class ShownScan:
         It does after a scan's preview, and with other colours; but a person who has not moved yet is let into a scan of
         which the preview showed too little to stand in it.
         """
-        if loaded.variant:
+        if loaded.variant or loaded.same_work:
             return True
         stays = self.shows_scan_of(loaded)
         if stays and loaded.follows_preview and self._untouched and not self._inside:

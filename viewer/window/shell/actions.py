@@ -6,10 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from ...common.text import counted
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
+from ...work.changed_files import with_files, without_file
 from ...work.project import SUFFIX
-from ...work.scan_files import FilePart
+from ...work.scan_files import FilePart, files_of
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
@@ -132,6 +134,15 @@ class WindowActions:
         if not session.shown_scan.show_file(part, session.document, session.area.aspect):
             session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
 
+    def remove_file(self, part: FilePart) -> None:
+        session, scene = self._session, self._session.scene
+        if scene is None or session.loads.current is not None:
+            session.notices.toast("Wait until the scans are loaded")
+            return
+        parts = files_of(scene)
+        found = without_file(session.document, parts, [one.path for one in parts].index(part.path))
+        session.work.edit(f"Remove {Path(part.path).name}", scans=found.scans, hidden_stations=found.hidden_stations)
+
     def act_on_notice(self, offer: Offer) -> None:
         act_on_notice(self._session, offer)
 
@@ -171,6 +182,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "record": app.save_actions.record,
         "export": app.save_actions.points.ask,
         "open": partial(_open_scans, app),
+        "add": partial(_add_scans, app),
         "open_folder": partial(_open_folder, app),
         "demo": partial(_open_demo, app),
         "close_scan": app.close_scan,
@@ -233,6 +245,18 @@ def _open_scans(app: Host) -> None:
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
     app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,)},
                    app.open, many=True)
+
+
+def _add_scans(app: Host) -> None:
+    """Files that are shown beside those of the scene."""
+    from ...readers.formats import FORMATS
+
+    def add(paths: Sequence[Path]) -> None:
+        found = with_files(app.session.document, paths)
+        app.session.work.edit(f"Add {counted(len(found.scans) - len(app.session.document.scans), 'scan')}", scans=found.scans)
+
+    scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
+    app.files.open("scans", "Add scans to the scene", {"Scans": scans}, add, many=True)
 
 
 def _open_folder(app: Host) -> None:

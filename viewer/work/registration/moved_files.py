@@ -41,7 +41,7 @@ def with_transform(scans: Sequence[ScanFile], sources: Sequence[str], number: in
     chosen = sources[number]
     found: list[ScanFile] = []
     for scan in scans:
-        inside = [source for source in sources if _is_of(source, scan.path)]
+        inside = [source for source in sources if is_of(source, scan.path)]
         if chosen not in inside:
             found.append(scan)
         elif len(inside) == 1:
@@ -52,7 +52,7 @@ def with_transform(scans: Sequence[ScanFile], sources: Sequence[str], number: in
     return tuple(found)
 
 
-def _is_of(source: str, path: str) -> bool:
+def is_of(source: str, path: str) -> bool:
     """Whether a file is a scan of a document, or lies in its folder."""
     real, scan = os.path.realpath(source), os.path.realpath(path)
     return scan in (real, os.path.dirname(real))

@@ -1,0 +1,36 @@
+"""The scans of a document after files were added to its scene or removed from it.
+
+Stations are hidden by their numbers in the scene, which follow the order of the files.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from .document import Document, ScanFile
+from .registration.moved_files import is_of
+from .scan_files import FilePart
+
+
+def with_files(document: Document, paths: Iterable[Path]) -> Document:
+    """The document with more scans behind those it has; a scan that it has is not added again, one that was not visible is."""
+    scans, known = list(document.scans), {os.path.realpath(scan.path): number for number, scan in enumerate(document.scans)}
+    for path in paths:
+        number = known.setdefault(os.path.realpath(path), len(scans))
+        scans[number:number + 1] = [replace(scans[number], visible=True) if number < len(scans) else ScanFile(str(path))]
+    return replace(document, scans=tuple(scans))
+
+
+def without_file(document: Document, parts: Sequence[FilePart], number: int) -> Document:
+    """The document without one of the files of its scene.  parts: of the scene.  A scan that is a folder becomes its files."""
+    gone, scans = parts[number], []
+    for scan in document.scans:
+        inside = [part.path for part in parts if is_of(part.path, scan.path)]
+        if gone.path not in inside:
+            scans.append(scan)
+        elif len(inside) > 1:
+            scans += [replace(scan, path=path) for path in inside if path != gone.path]
+    hidden = [station if station < gone.numbers.start else station - len(gone.numbers)
+              for station in document.hidden_stations if station not in gone.numbers]
+    return replace(document, scans=tuple(scans), hidden_stations=tuple(hidden))
