@@ -12,6 +12,7 @@ from real_window import RealWindow, until, x_display
 from test_orthographic_window import shot
 
 from pointglass.viewer.work.pictures.shot_metadata import read_shot
+from pointglass.viewer.work.project import read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 TOOL, START, BESIDE, GRIP = (214, 350), (1107, 280), (1084, 313), (624, 345)
@@ -35,14 +36,29 @@ def room(seed: int, raised: float) -> np.ndarray:
     return np.column_stack([xyz + rng.normal(0, 0.001, xyz.shape), np.full((len(xyz), 3), 128)])
 
 
-def colours(window) -> np.ndarray:
+def colours(picture) -> np.ndarray:
     """(n, 3) of the pixels of the middle of a saved picture that are not background."""
-    with Image.open(shot(window)) as image:
+    with Image.open(picture) as image:
         pixels = np.asarray(image.convert("RGB"))[60:-160, 60:-200].reshape(-1, 3).astype(int)
     return pixels[pixels.sum(axis=1) > 150]
 
 
-def test_two_dates_are_compared_by_clicks_and_the_change_is_red(display, tmp_path, seed):
+def red(picture) -> float:
+    """Share of the pixels."""
+    found = colours(picture)
+    return float((found[:, 0] > found[:, 2] + 40).mean())
+
+
+def drawn_again(window, scans, picture) -> bool:
+    """Whether `render --like` writes the same file."""
+    out = window.folder / f"again {picture.stem}"
+    done = subprocess.run([sys.executable, "-m", "pointglass.viewer", "render", *scans, "--like", picture, "--out", out],
+                          env=window.environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return (out / picture.name).read_bytes() == picture.read_bytes()
+
+
+def test_two_dates_are_compared_by_clicks_and_the_red_change_is_kept_in_the_project(display, tmp_path, seed):
     scans = [tmp_path / "before.xyz", tmp_path / "after.xyz"]
     for number, (path, raised) in enumerate(zip(scans, (0.0, 0.03), strict=True)):
         np.savetxt(path, room(seed + number, raised), fmt="%.4f")
@@ -52,21 +68,31 @@ def test_two_dates_are_compared_by_clicks_and_the_change_is_red(display, tmp_pat
     time.sleep(4.0)
     window.keys("x")
     time.sleep(1.0)
-    grey = colours(window)
+    grey = colours(shot(window))
     assert (np.ptp(grey, axis=1) < 12).mean() > 0.95
     window.click(*TOOL)
     time.sleep(1.0)
     window.click(*START)
-
-    def red() -> float:
-        found = colours(window)
-        return float((found[:, 0] > found[:, 2] + 40).mean())
-
-    until(lambda: red() > 0.02, "the change")
-    made = colours(window)
+    until(lambda: red(shot(window)) > 0.02, "the change")
+    picture = shot(window)
+    made = colours(picture)
     assert (made[:, 2] > made[:, 0] + 40).mean() < 0.01, "nothing sank"
+    assert drawn_again(window, scans, picture)
+    window.keys("ctrl+s")
+    project = tmp_path / "before.pointglass"
+    until(project.exists, "the project")
     window.keys("ctrl+q")
-    assert window.ended() == 0, "a comparison is no work to be saved"
+    assert window.ended() == 0, "nothing is left to be saved"
+    kept = read_project(project).comparison
+    assert kept is not None and kept.figures is not None and kept.figures.points == 150_000
+    for old in tmp_path.glob("pointglass*.png"):
+        old.unlink()
+    window = RealWindow(display, tmp_path, "view", project)
+    window.wait_for_title("·")
+    until(lambda: red(shot(window)) > 0.02, "the change, which the project has")
+    window.keys("ctrl+z")
+    window.keys("ctrl+q")
+    assert window.ended() == 0
 
 
 def shares(picture) -> tuple[float, float]:
@@ -109,10 +135,7 @@ def test_a_handle_between_two_dates_is_dragged_and_its_picture_drawn_again(displ
     spec = read_shot(picture).spec
     assert spec.views == ("filled", "filtered") and spec.split_at == pytest.approx(0.5 + 150 / spec.camera.width, abs=0.01)
     assert min(shares(picture)) > 0.99
-    done = subprocess.run([sys.executable, "-m", "pointglass.viewer", "render", *scans, "--like", picture, "--out",
-                           tmp_path / "again"], env=window.environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "again" / picture.name).read_bytes() == picture.read_bytes()
+    assert drawn_again(window, scans, picture)
     window.keys("v")
     time.sleep(2.0)
     assert read_shot(shot(window)).spec.other_edits is None, "all points in the whole picture"

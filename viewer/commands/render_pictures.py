@@ -83,7 +83,9 @@ def check_aux(specs: "Iterable[PictureSpec]", *, aux: bool) -> None:
 def export_picture(renderer: "Renderer", spec: "PictureSpec", out: Path, *, aux: bool, exposures: str, resume: bool) -> bool:
     """One picture of :func:`export_pictures`; ``out`` is there.  Returns whether it was rendered."""
     from ..render.described_picture import picture_of
+    from ..work.comparing.scene_changes import spec_with_changes
 
+    spec = spec_with_changes(renderer.scene, spec)
     shot = describe_shot(renderer.scene, spec, exposures=exposures)
     if resume and is_finished(out, shot, newer_than=_newest(renderer.scene), aux=aux):
         return False

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 
 from ..common.errors import InputError
 from .clip import Clip, Vector, active
+from .date_comparison import DateComparison
 from .json_values import UNLESS_DEFAULT
 from .look import Look
 from .meshes.mesh_layer import MOST_MESHES, MeshLayer
@@ -40,8 +41,9 @@ class Edits:
     ghosts: what is done with points that another station saw through (viewer.work.ghosts), one of GHOSTS; it applies where the
     scene's ghosts are marked (Scene.marked).
     hidden_classes: codes of the classes that are not drawn.  regions: named sets of points.  reclassified: points that have
-    another class than in their file, each in one entry.  selection: points that are tinted.  changes: levels of points, which
-    colour them in place of the look; of a comparison in the window, never stored.  meshes: laid beside the points.
+    another class than in their file, each in one entry.  selection: points that are tinted.  comparison: of two dates, which
+    colours points in place of the look, by changes: the levels of points made of it, never stored; None until they are made
+    (viewer.work.comparing.scene_changes).  meshes: laid beside the points.
     Raises InputError naming a bad value.
     """
 
@@ -55,6 +57,7 @@ class Edits:
     regions: tuple[Region, ...] = field(default=(), metadata=UNLESS_DEFAULT)
     reclassified: tuple[ClassChange, ...] = field(default=(), metadata=UNLESS_DEFAULT)
     selection: PointSet = field(default=NO_POINTS, metadata=UNLESS_DEFAULT)
+    comparison: DateComparison | None = field(default=None, metadata=UNLESS_DEFAULT)
     changes: PointLevels | None = field(default=None, metadata={"not_stored": True})
     meshes: tuple[MeshLayer, ...] = field(default=(), metadata=UNLESS_DEFAULT)
 

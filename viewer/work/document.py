@@ -112,6 +112,7 @@ class Document(Edits):
         found["hidden_stations"] = tuple(sorted(self.hidden_stations))
         found["hidden_classes"] = tuple(sorted(self.hidden_classes))
         found["regions"] = tuple(replace(region, name="") for region in hidden_regions(self.regions))
+        found["comparison"] = None if self.comparison is None else self.comparison.in_picture
         return Edits(**found)
 
 

@@ -30,18 +30,27 @@ def floor(random, rise: float, reach: float = 3.0) -> np.ndarray:
 class Window:
     """A session with two scans of a floor open, and the tool."""
 
-    def __init__(self, folder, seed: int):
+    def __init__(self, folder, seed: int, *paths):
         random = np.random.default_rng(seed)
         grey = np.full((60_000, 3), 128, np.uint8)
         self.paths = [write_ply(folder / "last year.ply", floor(random, 0.0), grey),
                       write_ply(folder / "now.ply", floor(random, RISE, 3.4), grey)]
+        self.open_only(folder, *(paths or self.paths))
+
+    def open_only(self, folder, *paths) -> None:
+        """Opens files that are there."""
         self.session = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None)
         viewport, theme = SimpleNamespace(frame=None), SimpleNamespace(scale=1.0)
         self.context = ToolContext(self.session, viewport, theme)  # type: ignore[arg-type]
         self.context.files = SimpleNamespace(open_folder=lambda purpose, title, done: done(folder))  # type: ignore[assignment]
         self.tool = Compare()
-        self.session.open(self.paths)
+        self.session.open(list(paths))
         self.turn()
+
+    def save(self, path):
+        """Saves a project."""
+        chosen = self.session.view_settings
+        self.session.work.save_project(path, self.session.camera, chosen.settings, chosen.background)
 
     def turn(self) -> None:
         """Turns the loop until nothing goes on."""
@@ -90,6 +99,51 @@ def test_a_change_of_known_size_is_found_and_coloured_in_the_window_and_exported
     assert session.notices.saved[-1] == out
     tool.put_away(context)
     assert session.work.changes is None and session.view_settings.shown_settings.view == "filled"
+
+
+def test_a_comparison_is_undone_saved_and_restored_and_a_changed_scan_is_told(window, tmp_path, seed):
+    tool, context, session = window.tool, window.context, window.session
+    tool.start(context)
+    window.turn()
+    tool.show(context, limit=0.01, certain=True)
+    window.turn()
+    levels = session.work.changes.levels
+    figures = session.document.comparison.figures
+    assert figures is not None and figures.points == 60_000 and figures.known > 50_000
+    assert session.work.undo() is not None
+    window.turn()
+    assert session.document.comparison.limit is None and not np.array_equal(session.work.changes.levels, levels)
+    assert session.work.undo() == "Compare"
+    window.turn()
+    assert session.work.changes is None and session.work.dates is None
+    session.work.redo()
+    session.work.redo()
+    window.turn()
+    assert np.array_equal(session.work.changes.levels, levels)
+    session.view_settings.show("filled")
+    project = tmp_path / "two dates.pointglass"
+    window.save(project)
+    assert not session.work.changed(session.view_settings.settings, session.view_settings.background)
+    again = Window(tmp_path, seed, project)
+    try:
+        assert np.array_equal(again.session.work.changes.levels, levels) and again.session.notices.message is None
+        assert again.session.view_settings.settings.view == "filled", "the view is the project's"
+        assert not again.session.work.changed(again.session.view_settings.settings, "plain")
+        assert again.tool.made is not None and again.session.work.change_legend is not None
+    finally:
+        again.tool.close()
+        again.session.close()
+    random, grey = np.random.default_rng(seed), np.full((60_000, 3), 128, np.uint8)
+    for count, what in ((60_000, "another result"), (50_000, "50,000 records")):
+        write_ply(window.paths[1], floor(random, 3 * RISE)[:count], grey[:count])
+        other = Window.__new__(Window)
+        other.open_only(tmp_path, project)
+        try:
+            message = other.session.notices.message
+            assert message is not None and what in f"{message}"
+        finally:
+            other.tool.close()
+            other.session.close()
 
 
 def test_another_scan_or_a_moved_one_ends_a_comparison(window):

@@ -1,5 +1,6 @@
 """What F12 draws over a picture (viewer.window.saving.over_picture), and how it says so."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -41,11 +42,13 @@ def test_each_part_is_drawn_where_it_is_chosen(chosen, monkeypatch, seed):
     work = SimpleNamespace(shot_measured=measured, shot_noted=noted, shot_legend=legend, facts=lambda meta: meta)
     document = Document(measurements=(made,), annotations=(note,))
     monkeypatch.setattr(module, "shown_legend", lambda session: LEGEND)
-    session = SimpleNamespace(work=work, document=document, scene=SimpleNamespace(meta=ScanDescription()))
+    session = SimpleNamespace(work=work, document=document, scene=SimpleNamespace(meta=ScanDescription()), camera=camera)
     black = np.zeros((240, 320, 3), np.uint8)
     over = over_picture(cast(Any, session)).drawn(black, camera)
     assert (np.abs(over[120, 160].astype(int) - (240, 185, 91)).max() < 5) == noted
     assert bool((over[60:95, 60:250] > 60).any()) == measured
     assert bool((over[200:, :60] > 200).any()) == legend
+    session.camera = parallel = replace(camera, orthographic=5.0)
+    assert bool((over_picture(cast(Any, session)).drawn(black, parallel)[200:, -60:] > 200).any()) == legend, "a scale bar"
     session.scene = None
     assert np.array_equal(over_picture(cast(Any, session)).drawn(black, camera), black)

@@ -5,6 +5,7 @@ import pytest
 from synthetic_pipes import frame
 
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.date_comparison import COMPARE_METHODS
 from pointglass.viewer.work.comparing.cloud_scale import CloudScale, scale_of, sizes_for
 from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare
 from pointglass.viewer.work.comparing.facing import facing_of
@@ -229,3 +230,7 @@ def test_m3c2_equals_py4dgeo(seed):
     full = np.minimum(about["num_samples1"], about["num_samples2"]) >= 20
     assert full.mean() > 0.9 and (counts[full] >= 20).all()
     np.testing.assert_allclose((found * np.sign(normals[:, 2]))[full], -np.ravel(theirs)[full], atol=1e-9)
+
+
+def test_projects_know_the_methods_that_there_are():
+    assert tuple(METHODS) == COMPARE_METHODS

@@ -1,10 +1,14 @@
 """The legend over a saved picture (viewer.work.pictures.picture_legend): its colours, its place, at every size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.colour_modes import ramp_colours
 from pointglass.viewer.work.pictures.picture_legend import Legend, with_legend
+from pointglass.viewer.work.pictures.picture_scale_bar import bar_length, with_scale_bar
 
 ROWS = (((225, 90, 70), "6 building"), ((60, 130, 230), "9 water"), ((30, 120, 40), "5 high vegetation"))
 
@@ -52,3 +56,23 @@ def test_a_ramp_runs_from_low_to_high(height):
 def test_a_text_wider_than_the_picture_is_cut_off():
     made = with_legend(np.zeros((120, 160, 3), np.uint8), Legend("coordinate along the up axis " * 9, ROWS * 9))
     assert made.shape == (120, 160, 3) and made.any()
+
+
+@pytest.mark.parametrize("metres", [1.0, 0.3048, None])
+@pytest.mark.parametrize("height", [300, 720, 2160])
+def test_a_scale_bar_is_as_long_as_it_says(seed, height, metres):
+    random = np.random.default_rng(seed)
+    pose = look_at((0.0, 0.0, 5.0), (1.0, 0.3, 0.0))
+    camera = replace(from_fov(height * 16 // 9, height, 60.0, pose), orthographic=float(10 ** random.uniform(-1, 3)))
+    black = np.zeros((height, camera.width, 3), np.uint8)
+    made = with_scale_bar(black, camera, metres)
+    assert np.array_equal(with_scale_bar(black, replace(camera, orthographic=None), metres), black)
+    bright = (made > 200).all(axis=2)
+    row = int(bright.sum(axis=1).argmax())
+    columns = np.flatnonzero(bright[row])
+    ends = camera.unproject(np.array([[columns[0] + 0.5, row], [columns[-1] + 0.5, row]]), np.full(2, 3.0))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    stated = bar_length(160 * max(height / 720, 0.75) * camera.orthographic / camera.fx)
+    assert abs(length / stated - 1) < (2 + 1.5 * height / 720) / (columns[-1] - columns[0]), "within the width of its ends"
+    power = stated / 10 ** np.floor(np.log10(stated) + 1e-9)
+    assert min(abs(power - step) for step in (1, 2, 5)) < 1e-9

@@ -9,9 +9,10 @@ from window_session import frame_cost, session
 
 from pointglass.viewer.picture.clip import Box, Slab
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
+from pointglass.viewer.picture.date_comparison import DateComparison
 from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
-from pointglass.viewer.picture.point_sets import PointSet
+from pointglass.viewer.picture.point_sets import PointLevels, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
 from pointglass.viewer.picture.spec import PictureSpec
@@ -26,7 +27,8 @@ OTHERS: dict[type, dict[str, object]] = {
     Slab: {"normal": (0.0, 1.0, 0.0), "centre": (1.0, 0.0, 0.0)},
     Edits: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
                   "ghosts": GHOSTS[1], "hidden_classes": (2,), "regions": (Region("", SOME, shown=False),),
-                  "reclassified": (ClassChange(6, SOME),), "selection": SOME},
+                  "reclassified": (ClassChange(6, SOME),), "selection": SOME,
+                  "comparison": DateComparison(("a.las", 9), ("b.las", 8))},
     Look: {"colour_by": next(name for name in COLOUR_BY if name != "rgb"), "ramp": tuple(RAMPS)[1]},
 }
 """Another value of a field where :func:`other` cannot tell one."""
@@ -77,6 +79,11 @@ def test_every_edit_is_a_field_of_the_document_and_draws_a_new_picture(name):
     if name == "ghosts":  # passers-by are shown until they are marked
         assert made.scene is not None
         made.shown_scan.scene = dataclasses.replace(made.scene, marked=object())
+    if name == "comparison":  # it is shown once its levels are there
+        assert made.scene is not None
+        made.work.changes = PointLevels(np.zeros(made.scene.count, np.uint8), None)
+        made.advance()
+        made.drew(made.screen.full_plan, frame_cost())
     value = other(made.document.edits, name)
     made.work.edit("change", **{name: value})
     assert made.screen.needs_picture and getattr(made.spec.edits, name) == value

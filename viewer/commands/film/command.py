@@ -138,8 +138,10 @@ def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate
          panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
          edits: Edits = NO_EDITS) -> str:
     """Makes the film; returns the line that tells a person what was made.  edits: of a project.  Raises InputError."""
+    from ...work.comparing.scene_changes import with_changes
     from .frames import FrameMaker
 
+    edits = with_changes(scene, edits)
     size = cameras[0].width, cameras[0].height
     maker = FrameMaker(renderer, settings, size, supersample, panorama, background, edits)
     try:

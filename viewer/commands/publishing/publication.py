@@ -126,8 +126,8 @@ class Publication:
 
     @property
     def _edits(self) -> Edits:
-        """Those of the document, without the tint of selected points."""
-        return replace(self.document.edits, selection=NO_POINTS)
+        """Those of the document, without the tint of selected points and the colours of a comparison."""
+        return replace(self.document.edits, selection=NO_POINTS, comparison=None)
 
     def _spec(self, place: "Place") -> PictureSpec:
         background = self.document.background if self.document.background in ("black", "plain") else "plain"

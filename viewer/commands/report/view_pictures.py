@@ -1,4 +1,5 @@
-"""The pictures of a report: views of a document as it looks at the scan, with its measurements and notes drawn over them."""
+"""The pictures of a report: views of a document as it looks at the scan, with its measurements and notes drawn over them, the
+legend of what points are coloured by, and the scale bar of orthographic views."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -6,15 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...picture.spec import PictureSpec
+from ...picture.views import POINT_VIEWS
+from ...work.comparing.scene_changes import changes_of
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
 from ...work.pictures.noted_picture import with_notes
+from ...work.pictures.picture_legend import with_legend
+from ...work.pictures.picture_scale_bar import with_scale_bar
+from ...work.pictures.points_legend import change_legend, legend_of
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
+    from ...picture.camera import Camera
     from ...render.renderer import Renderer
     from ...work.document import Document
     from ...work.notes.annotation import Annotation
+    from ...work.pictures.picture_legend import Legend
     from ...work.viewpoint import Viewpoint
 
 SIZE = (1200, 800)
@@ -30,7 +38,10 @@ class ViewPictures:
 
     def __init__(self, renderer: "Renderer", document: "Document", size: tuple[int, int] = SIZE):
         self._renderer, self._document, self.size = renderer, document, size
-        self._unit = unit_name(renderer.scene.meta.metres_per_unit)
+        scene, edits = renderer.scene, document.edits
+        self._unit, self._edits, self._changes = unit_name(scene.meta.metres_per_unit), edits, changes_of(scene, edits)
+        if self._changes is not None:
+            self._edits = replace(edits, changes=self._changes.levels)
         self._drawn: dict[tuple, np.ndarray] = {}  # of views without their notes: many notes are written from one place
 
     def picture(self, view: "Viewpoint", notes: "tuple[Annotation, ...]", numbers: tuple[int, ...]) -> np.ndarray:
@@ -38,14 +49,24 @@ class ViewPictures:
         from ...render.described_picture import picture_of
 
         document = self._document
-        camera, key = view.camera(*self.size), (view.camera_to_world, view.vertical_fov)
+        camera, key = view.camera(*self.size), (view.camera_to_world, view.vertical_fov, view.orthographic)
         if key not in self._drawn:
             if len(self._drawn) >= _KEPT:
                 del self._drawn[next(iter(self._drawn))]
-            spec = PictureSpec(camera, document.settings, edits=document.edits, background=document.background)
-            picture = picture_of(self._renderer, spec)
-            self._drawn[key] = with_measurements(picture, camera, document.measurements, self._unit)
+            spec = PictureSpec(camera, document.settings, edits=self._edits, background=document.background)
+            picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit)
+            picture = with_scale_bar(picture, camera, self._renderer.scene.meta.metres_per_unit)
+            legend = self._legend(camera)
+            self._drawn[key] = picture if legend is None else with_legend(picture, legend)
         return with_notes(self._drawn[key], camera, notes, numbers)
+
+    def _legend(self, camera: "Camera") -> "Legend | None":
+        """Of the colours of points; None where they have their own."""
+        if self._document.settings.view not in POINT_VIEWS:
+            return None
+        if self._changes is not None and self._changes.levels.colours is not None:
+            return change_legend(self._changes.found.limit, self._unit)
+        return legend_of(self._edits, self._renderer.scene, camera, self._unit)
 
 
 def view_of(note: "Annotation", document: "Document", size: tuple[int, int] = SIZE) -> "Viewpoint | None":

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 from ...common.text import counted
 from ...picture.views import VIEWS
 from ...work.measuring.measure_text import length_text
+from ...work.pictures.picture_scale_bar import LONGEST, bar_length
 from ..kit import theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import FLOATING, MARGIN, PASSIVE
@@ -15,7 +16,6 @@ from .status_bar import drawn_text
 from .tool_bar import WIDTH
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
-_SCALE_BAR = 160.0  # design units: the longest scale bar
 _LOST_BOX = 112.0, 44.0
 """Half the width and height of the box that says how to get back, design units."""
 
@@ -138,7 +138,7 @@ def draw_scale_bar(session: Session, style: Theme) -> None:
     if height is None or session.scene is None:
         return
     unit = height / max(session.area.layout.picture.height, 1.0)  # file units an interface pixel
-    length = round_length(unit * px(_SCALE_BAR))
+    length = bar_length(unit * px(LONGEST))
     wide, label = length / unit, length_text(length, session.facts.metres_per_unit)
     text = imgui.calc_text_size(label)
     left, bottom = area.right - px(MARGIN + 20) - max(wide, text.x), area.top + area.height - px(MARGIN)
@@ -150,12 +150,6 @@ def draw_scale_bar(session: Session, style: Theme) -> None:
     for x in (start, start + wide):
         draw.add_line(ImVec2(x, line - px(4)), ImVec2(x, line + px(1)), packed(theme.TEXT), px(1.5))
     draw.add_line(ImVec2(start, line), ImVec2(start + wide, line), packed(theme.TEXT), px(1.5))
-
-
-def round_length(most: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not more than ``most``, which is above 0."""
-    power = 10.0 ** np.floor(np.log10(most))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-12)))
 
 
 def draw_toasts(session: Session, style: Theme) -> None:

@@ -1,4 +1,5 @@
-"""What F12 draws over the picture where that is chosen: measurements, notes, the legend of recoloured points."""
+"""What F12 draws over the picture where that is chosen: measurements, notes, the legend of recoloured points with the scale bar
+of an orthographic view."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -8,6 +9,7 @@ from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
 from ...work.pictures.noted_picture import with_notes
 from ...work.pictures.picture_legend import Legend, with_legend
+from ...work.pictures.picture_scale_bar import with_scale_bar
 from ..session.colour_legend import shown_legend
 
 if TYPE_CHECKING:
@@ -21,16 +23,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OverPicture:
-    """unit: of the measurements, as a person reads it."""
+    """unit: of the measurements, as a person reads it.  scale_bar: whether it is drawn.  metres_per_unit: of its lengths."""
 
     measurements: "tuple[Measurement, ...]" = ()
     unit: str = ""
     notes: "tuple[Annotation, ...]" = ()
     legend: Legend | None = None
+    scale_bar: bool = False
+    metres_per_unit: float | None = None
 
     def drawn(self, picture: "np.ndarray", camera: "Camera") -> "np.ndarray":
         """The picture, (H, W, 3 or 4) uint8, with it.  camera: at the picture's size."""
         picture = with_notes(with_measurements(picture, camera, self.measurements, self.unit), camera, self.notes)
+        if self.scale_bar:
+            picture = with_scale_bar(picture, camera, self.metres_per_unit)
         return with_legend(picture, self.legend) if self.legend is not None else picture
 
     @property
@@ -39,6 +45,7 @@ class OverPicture:
         kinds = (self.measurements, "measurement"), (self.notes, "note")
         parts = [counted(len(found), name) for found, name in kinds if found]
         parts += ["its legend"] if self.legend is not None else []
+        parts += ["its scale bar"] if self.scale_bar else []
         return f" with {', '.join(parts[:-1])}{' and ' if len(parts) > 1 else ''}{parts[-1]}" if parts else ""
 
 
@@ -47,7 +54,8 @@ def over_picture(session: "Session") -> OverPicture:
     work, document = session.work, session.document
     if session.scene is None:
         return OverPicture()
-    unit = unit_name(work.facts(session.scene.meta).metres_per_unit)
+    metres = work.facts(session.scene.meta).metres_per_unit
     measurements = document.measurements if work.shot_measured else ()
     notes = document.annotations if work.shot_noted else ()
-    return OverPicture(measurements, unit, notes, shown_legend(session) if work.shot_legend else None)
+    return OverPicture(measurements, unit_name(metres), notes, shown_legend(session) if work.shot_legend else None,
+                       work.shot_legend and session.camera.orthographic is not None, metres)

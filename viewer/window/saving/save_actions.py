@@ -71,12 +71,12 @@ class SaveActions:
                 image, shot = made
                 height, width = image.shape[:2]
                 image = over.drawn(image, self._session.camera.resized(width, height))
-                text = cannot_repeat("a photograph, the tint or a comparison") if shot is None else {KEY: shot.text()}
+                text = cannot_repeat("a photograph or the tint") if shot is None else {KEY: shot.text()}
                 capture.save_png(path, image, text)
         except PointglassError as error:
             self._session.notices.say("No screenshot was saved", error)
             return None
-        shows = "a photograph, the tint or a comparison"
+        shows = "a photograph or the tint"
         again = "" if shot is not None else f"; it shows {shows}, so `render --like` cannot draw it again"
         if shot is None and self._session.work.shot_scale > 1:
             again += ", and it has the window's size"
@@ -93,7 +93,7 @@ class SaveActions:
                 path = name.enter_context(capture.stamped("pointglass-panorama", ".png", self.folder))
                 shot = shot_of(self._session, path.stem)
                 if shot is None or self._session.scene is None:
-                    self._session.notices.toast("A panorama shows no tint, photograph or comparison: put them away first")
+                    self._session.notices.toast("A panorama shows no tint or photograph: put them away first")
                     return None
                 return self._begin(StillJob(self._session.scene, shot, path, panorama=size), name)
         except PointglassError as error:

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 def shot_of(session: "Session", name: str) -> Shot | None:
     """The description of what is shown, at the size that is saved; None without a scene, or where the picture shows what no
-    description holds: a photograph, the tint of provenance, or a comparison."""
+    description holds: a photograph or the tint of provenance."""
     scene, work = session.scene, session.work
-    if scene is None or min(session.area.size) == 0 or work.tint or work.photo is not None or work.changes is not None:
+    if scene is None or min(session.area.size) == 0 or work.tint or work.photo is not None:
         return None
     spec = session.spec
     return describe_shot(scene, replace(spec, camera=replace(scaled(spec.camera, work.shot_scale), name=name)))

@@ -20,9 +20,10 @@ class TwoDates:
     def edits(self, shown: Edits) -> tuple[Edits, Edits]:
         """What changes the picture of each side.  shown: what would change a picture of both together.  The colours of a
         comparison are those of the points right; a date that it shows alone is at its own side anyway."""
-        changes = shown.changes if shown.changes is not None and shown.changes.colours is not None else None
-        left, right = (replace(shown, hidden_stations=tuple(sorted({*shown.hidden_stations, *hidden})), changes=made)
-                       for hidden, made in zip(self.others, (None, changes), strict=True))
+        coloured = shown.changes is not None and shown.changes.colours is not None
+        plain = replace(shown, changes=None, comparison=None)
+        left, right = (replace(edits, hidden_stations=tuple(sorted({*shown.hidden_stations, *hidden})))
+                       for hidden, edits in zip(self.others, (plain, shown if coloured else plain), strict=True))
         return left, right
 
     def spec(self, plain: PictureSpec) -> PictureSpec:

@@ -56,7 +56,8 @@ class ShownPhoto:
 class DocumentState:
     """history: of the document.  project: the file it was read from or saved to, else None.
     shot_scale: times the sides of the picture that F12 saves.  shot_measured: whether measurements are drawn over it.
-    shot_noted: whether notes are.  shot_legend: whether the legend of recoloured points is.
+    shot_noted: whether notes are.  shot_legend: whether the legend of recoloured points and the scale
+    bar of an orthographic view are.
     tint: whether pixels are coloured by provenance.  tint_rows: colour and text of each row of its legend.
     photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
@@ -108,6 +109,8 @@ class DocumentState:
         edits = self.document.edits
         if self.changes is not None:
             edits = replace(edits, changes=self.changes)
+        elif edits.comparison is not None:  # it is being made
+            edits = replace(edits, comparison=None)
         if not self.set_aside:
             return edits
         return replace(edits, hidden_stations=tuple(sorted({*edits.hidden_stations, *self.set_aside})))

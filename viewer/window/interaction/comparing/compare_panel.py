@@ -8,13 +8,13 @@ import numpy as np
 from ....common.text import printable
 from ....work.comparing.compare import METHODS
 from ....work.comparing.facing import TEXTS
+from ....work.comparing.scene_changes import Coloured, SceneDistances
 from ....work.scan_files import FilePart
 from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..tool import ToolContext
-from .compare_work import Coloured, Comparison, Shown
 
-_SHOWN: dict[Shown, str] = {"change": "show the change", "after": "show the scan after", "before": "show the scan before"}
+_SHOWN = {"change": "show the change", "after": "show the scan after", "before": "show the scan before"}
 _SHARES = {"95 %": 0.95, "99 %": 0.99}
 _GRAPH = 64.0
 """Design units: height of the histogram."""
@@ -27,9 +27,7 @@ class Comparing(Protocol):
     after: int
     method: str
     registration: float
-    shown: Shown
-    certain: bool
-    made: Comparison | None
+    made: SceneDistances | None
     coloured: Coloured | None
     worker: Worker | None
 
@@ -119,12 +117,15 @@ def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
 
 
 def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
+    comparison = context.document.comparison
     assert tool.made is not None and tool.coloured is not None
+    if comparison is None:
+        return
     found, unit = tool.coloured.found, tool.unit(context)
     ui.set_next_item_width(-1)
-    if ui.begin_combo("##shown", _SHOWN[tool.shown]):
+    if ui.begin_combo("##shown", _SHOWN[comparison.shown]):
         for name, text in _SHOWN.items():
-            if ui.selectable(text, tool.shown == name)[0] and tool.shown != name:
+            if ui.selectable(text, comparison.shown == name)[0] and comparison.shown != name:
                 tool.show(context, shown=name)
         ui.end_combo()
     if found.known:
@@ -152,7 +153,7 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
             tool.show_share(context, share)
         if ui.is_item_hovered():
             ui.set_tooltip(f"the colours end where {label} of the distances end")
-    changed, on = ui.checkbox("certain changes only", tool.certain)
+    changed, on = ui.checkbox("certain changes only", comparison.certain)
     if changed:
         tool.show(context, certain=on)
     if ui.is_item_hovered():

@@ -166,9 +166,10 @@ class Film(Tool):
         work.shot_noted = ui.checkbox("with notes", work.shot_noted)[1]
         if ui.is_item_hovered():
             ui.set_tooltip("F12 draws notes over the picture; `render --like` draws it again without them")
-        work.shot_legend = ui.checkbox("with legend", work.shot_legend)[1]
+        work.shot_legend = ui.checkbox("with legend and scale", work.shot_legend)[1]
         if ui.is_item_hovered():
-            ui.set_tooltip("F12 draws the legend of recoloured points; `render --like` draws the picture without it")
+            ui.set_tooltip("F12 draws the legend of recoloured points, and the scale bar of an orthographic view;\n"
+                           "`render --like` draws the picture without them")
         if ui.button("Folder of pictures…"):
             context.saves.choose_folder()
         if ui.is_item_hovered():
