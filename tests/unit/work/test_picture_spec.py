@@ -12,6 +12,7 @@ from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
 from pointglass.viewer.picture.date_comparison import DateComparison
 from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
+from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.picture.point_sets import PointLevels, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
@@ -28,7 +29,7 @@ OTHERS: dict[type, dict[str, object]] = {
     Edits: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
                   "ghosts": GHOSTS[1], "hidden_classes": (2,), "regions": (Region("", SOME, shown=False),),
                   "reclassified": (ClassChange(6, SOME),), "selection": SOME,
-                  "comparison": DateComparison(("a.las", 9), ("b.las", 8))},
+                  "comparison": DateComparison(("a.las", 9), ("b.las", 8)), "meshes": (MeshLayer("hall.obj"),)},
     Look: {"colour_by": next(name for name in COLOUR_BY if name != "rgb"), "ramp": tuple(RAMPS)[1]},
 }
 """Another value of a field where :func:`other` cannot tell one."""

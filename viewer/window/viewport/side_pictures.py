@@ -115,7 +115,8 @@ class SidePictures:
         made = {name: self._copied((number, name), texture) for name, texture in frame.textures.items()}
         depth = self._copied((number, "depth"), frame.depth_texture)
         kept = replace(frame, textures=made, depth_texture=depth, mask_texture=copied("mask", frame.mask_texture),
-                       filled_depth=None, photo_share=copied("photographs", frame.photo_share),
+                       filled_depth=copied("filled depth", frame.filled_depth),
+                       photo_share=copied("photographs", frame.photo_share),
                        ratio_depth=depth if frame.ratio_depth is frame.depth_texture else copied("ratio", frame.ratio_depth))
         frames, views = [*(self.frames or (kept, kept))], [*(self.views or (view, view))]
         frames[number], views[number] = kept, view
