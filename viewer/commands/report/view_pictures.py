@@ -8,6 +8,7 @@ import numpy as np
 
 from ...picture.spec import PictureSpec
 from ...picture.views import POINT_VIEWS
+from ...render.raster.edit_block import ends_of
 from ...work.comparing.scene_changes import changes_of
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
@@ -66,7 +67,8 @@ class ViewPictures:
             return None
         if self._changes is not None and self._changes.levels.colours is not None:
             return change_legend(self._changes.found.limit, self._unit)
-        return legend_of(self._edits, self._renderer.scene, camera, self._unit)
+        scene = self._renderer.scene
+        return legend_of(self._edits, scene, self._unit, lambda: ends_of(self._edits, scene, camera))
 
 
 def view_of(note: "Annotation", document: "Document", size: tuple[int, int] = SIZE) -> "Viewpoint | None":

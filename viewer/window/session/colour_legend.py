@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ...picture.views import POINT_VIEWS
+from ...render.raster.edit_block import ends_of
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.picture_legend import Legend
 from ...work.pictures.points_legend import legend_of
@@ -28,4 +29,5 @@ def shown_legend(session: "Session") -> Legend | None:
         return work.change_legend if drawn <= set(POINT_VIEWS) else None
     if not drawn <= set(POINT_VIEWS):
         return None
-    return legend_of(session.document, scene, session.camera, unit_name(work.facts(scene.meta).metres_per_unit))
+    unit = unit_name(work.facts(scene.meta).metres_per_unit)
+    return legend_of(session.document, scene, unit, lambda: ends_of(session.document, scene, session.camera))

@@ -1,30 +1,30 @@
 """What the colours of points mean: the legend of a look or a comparison, for the window, saved pictures and reports."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...picture.colour_modes import CLASSES, COLOUR_BY, PointValue, category_colours, colours_of
-from ...render.raster.edit_block import ends_of
 from ..comparing.change_levels import ramp_of_legend
 from ..places.pick import station_name
 from .picture_legend import Legend
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
-    from ...picture.camera import Camera
     from ...picture.edits import Edits
 
 _MOST_ROWS = 12
 
 
-def legend_of(edits: "Edits", scene: "Scene", camera: "Camera", unit: str) -> Legend | None:
-    """The legend of points coloured by an attribute; None where they have their own colours.  unit: of lengths."""
+def legend_of(edits: "Edits", scene: "Scene", unit: str, ends: Callable[[], tuple[float, float]]) -> Legend | None:
+    """The legend of points coloured by an attribute; None where they have their own colours.  unit: of lengths.
+    ends: gives the attribute at the two ends of the ramp (viewer.render.raster.edit_block.ends_of)."""
     look = edits.look
     if not look.recolours:
         return None
     mode = COLOUR_BY[look.colour_by]
     if mode.legend != "ramp":
         return _listed(look.colour_by, scene, {change.code for change in edits.reclassified})
-    low, high = ends_of(edits, scene, camera)
+    low, high = ends()
     text = f" {unit}"
     if mode.value is PointValue.INTENSITY:
         low, high, text = scene.attributes.in_file(low), scene.attributes.in_file(high), ""
