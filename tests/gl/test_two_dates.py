@@ -11,7 +11,7 @@ from pointglass.viewer.common.files import write_png
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.composition import joined
-from pointglass.viewer.picture.date_comparison import DateComparison
+from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.picture.spec import PictureSpec

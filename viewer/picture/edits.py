@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 
 from ..common.errors import InputError
 from .clip import Clip, Vector, active
-from .date_comparison import DateComparison
+from .dates.date_comparison import DateComparison
 from .json_values import UNLESS_DEFAULT
 from .look import Look
 from .meshes.mesh_layer import MOST_MESHES, MeshLayer

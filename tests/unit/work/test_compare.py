@@ -5,7 +5,7 @@ import pytest
 from synthetic_pipes import frame
 
 from pointglass.viewer.common.errors import InputError
-from pointglass.viewer.picture.date_comparison import COMPARE_METHODS
+from pointglass.viewer.picture.dates.date_comparison import COMPARE_METHODS
 from pointglass.viewer.work.comparing.cloud_scale import CloudScale, scale_of, sizes_for
 from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare
 from pointglass.viewer.work.comparing.facing import facing_of

@@ -9,7 +9,7 @@ from window_session import frame_cost, session
 
 from pointglass.viewer.picture.clip import Box, Slab
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
-from pointglass.viewer.picture.date_comparison import DateComparison
+from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer

@@ -15,7 +15,7 @@ from ...common.errors import InputError
 from ...grid.records.levelled_marks import levelled_marks
 from ...grid.records.point_marks import file_keys
 from ...grid.scene import packed, positions, scan_numbers
-from ...picture.date_comparison import ChangeFigures, DateComparison
+from ...picture.dates.date_comparison import ChangeFigures, DateComparison
 from ...picture.edits import Edits
 from ...picture.point_sets import LEFT_OUT, FileKey, PointLevels
 from ..scan_files import FilePart, files_of

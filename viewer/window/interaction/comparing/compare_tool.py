@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....common.errors import InputError
-from ....picture.date_comparison import ChangeFigures, DateComparison
+from ....picture.dates.date_comparison import ChangeFigures, DateComparison
 from ....picture.views import POINT_VIEWS
 from ....work.comparing.scene_changes import Coloured, SceneDistances, compared_files, keys_of
 from ....work.measuring.measure_text import unit_name

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....picture.date_comparison import DateComparison
+from ....picture.dates.date_comparison import DateComparison
 from ....picture.edits import Edits
 from ....work.comparing.scene_changes import Coloured, SceneDistances, coloured, distances_in
 

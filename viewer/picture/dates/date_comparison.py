@@ -8,9 +8,9 @@ The distances are not kept: they follow from the files and these values, and are
 import math
 from dataclasses import dataclass, field, replace
 
-from ..common.errors import InputError
-from .json_values import UNLESS_DEFAULT
-from .point_sets import FileKey
+from ...common.errors import InputError
+from ..json_values import UNLESS_DEFAULT
+from ..point_sets import FileKey
 
 COMPARE_METHODS = ("m3c2", "c2c")
 SHOWN_DATES = ("change", "after", "before")

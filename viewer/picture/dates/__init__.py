@@ -1,0 +1,1 @@
+"""Two dates of a place: what is kept of their comparison."""
