@@ -20,8 +20,9 @@ from ..model.common.loop_cache import NOTICE
 from .command_table import COMMANDS, make_parser
 from .commands.neural_setup import check_weights
 from .commands.options import memory_of, settings_of
+from .commands.workers_option import workers_of
 from .common.command_log import logging_to
-from .common.errors import InputError
+from .common.errors import InputError, Option
 from .common.failures import report, tell
 from .common.progress import progress
 from .common.replaced_files import replaced_told
@@ -119,16 +120,17 @@ def _plain(options: argparse.Namespace) -> int:
 def _convert(options: argparse.Namespace) -> int:
     from .commands.convert import convert, convert_each
 
+    workers = workers_of(options)
     if options.each or options.shard:
         from .commands.render_pictures import parse_shard
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
         with replaced_told(options.out.iterdir() if options.out.is_dir() else ()):
             made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
-                                columns=options.columns)
+                                columns=options.columns, workers=workers)
         print(f"{counted(len(made), 'grid')} in {options.out}")
         return 0
-    convert(options.scans, options.out, match=options.exposures == "matched", columns=options.columns)
+    convert(options.scans, options.out, match=options.exposures == "matched", columns=options.columns, workers=workers)
     print(f"grid in {options.out}")
     return 0
 
@@ -171,7 +173,12 @@ def _evaluate(options: argparse.Namespace) -> int:
     scans = [path for path in options.data if withheld.is_scan(path)]
     if scans and len(scans) < len(options.data):
         raise InputError("is a scan, but the others are folders of rooms", file=scans[0], remedy="evaluate it alone")
-    return withheld.run(options) if scans else evaluation_command.run(options)
+    if scans:
+        return withheld.run(options)
+    if workers_of(options) is not None:
+        raise InputError("folders of rooms are evaluated by one process", file=options.data[0],
+                         remedy=("leave ", Option("--workers" if options.scheduler is None else "--scheduler"), " out"))
+    return evaluation_command.run(options)
 
 
 def _doctor(options: argparse.Namespace) -> int:

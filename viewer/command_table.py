@@ -120,6 +120,7 @@ def _convert_options(parser: argparse.ArgumentParser) -> None:
                              "date are kept")
     parser.add_argument("--shard", metavar="i/n",
                         help="with --each: convert only every n-th scan, starting with scan i (from 0)")
+    add_workers(parser, "files")
     add_columns(parser)
     add_exposures(parser)
 
@@ -153,6 +154,7 @@ def _evaluate_options(parser: argparse.ArgumentParser) -> None:
     from ..model.evaluation.command import add_arguments
 
     add_arguments(parser)
+    add_workers(parser, "views of a scan")
 
 
 def _doctor_options(parser: argparse.ArgumentParser) -> None:

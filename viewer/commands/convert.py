@@ -2,6 +2,7 @@
 
 import logging
 import os
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +10,8 @@ from ...model.common.files.folders import made_folder
 from ..common.errors import InputError
 from ..common.file_names import inside
 from ..common.text import counted
+from ..common.workers.run_tasks import run_tasks
+from ..common.workers.worker_choice import Workers
 from ..grid import cache
 from ..grid.build_scene import build_scene
 from ..grid.open_scene import as_paths, each_once, present, say_degrees
@@ -19,8 +22,10 @@ _log = logging.getLogger(__name__)
 _NAMED = 8  # scans that could not be read and are named besides the first: nine paths of 100 characters fill ten rows of 24
 
 
-def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | None = None) -> Scene:
+def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | None = None,
+            workers: Workers | None = None) -> Scene:  # fmt: skip
     """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match, columns: as for open_scene.
+    workers: who decodes several files (viewer.grid.building.decoded_files); None: this process.
 
     An earlier grid in ``out`` is replaced once the new one is complete.  Where ``out`` is a link, the folder it leads to is
     replaced.  Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad
@@ -32,7 +37,8 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
         _log.warning("%s", ScanWarning(str(error), WarningTopic.LEFT_OUT))
     place = _place_of(out)
     with made_folder(place, make=False):
-        scene = cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)
+        scene = cache.build_into(place, files, partial(build_scene, match=match, columns=columns, workers=workers),
+                                 keep_old=True)
     say_degrees(scene)
     return scene
 
@@ -70,14 +76,15 @@ def scans_in(paths: list[Path]) -> list[Path]:
 
 
 def convert_each(
-    paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True, columns: str | None = None
+    paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True, columns: str | None = None,
+    workers: Workers | None = None,
 ) -> list[Path]:
     """Builds the grid of each scan into ``out/NAME``; returns the folders, including those built earlier.
 
     paths: files, or folders of scans.  shard: (i, n), only every n-th scan from the i-th on, so that n processes or machines
-    share the work without communicating.  If a scan cannot be read, the others are still converted; then InputError is raised
-    at the end, which names all such scans and the error of the first.  Raises it at once where two scans would have the same
-    name.
+    share the work without communicating.  workers: who converts, each one scan at a time; None: this process.  If a scan cannot
+    be read, the others are still converted; then InputError is raised at the end, which names all such scans and the error of
+    the first.  Raises it at once where two scans would have the same name.
     """
     from ..readers.formats import name_of
 
@@ -91,18 +98,30 @@ def convert_each(
         names[name] = file
     made: list[Path] = []
     wrong: dict[str, str] = {}
-    for name, file in list(names.items())[shard[0] :: shard[1]]:
-        folder = inside(out, name)
-        try:
-            kept = cache.load(folder, [file])
-            if kept is None or kept.meta.match != match:
-                convert([file], folder, match=match, columns=columns)
-            made.append(folder)
-        except InputError as error:
-            wrong[file.name] = str(error)
+    tasks = [(file, inside(out, name)) for name, file in list(names.items())[shard[0] :: shard[1]]]
+    work = partial(_convert_kept, match=match, columns=columns)
+    with closing(run_tasks(work, tasks, workers, label="converting", unit="scan", name=lambda task: task[0].name)
+                 if workers is not None else (work(task) for task in tasks)) as results:
+        for (file, folder), error in zip(tasks, results, strict=True):
+            if error is None:
+                made.append(folder)
+            else:
+                wrong[file.name] = error
     if wrong:
         first, *others = wrong
         more = f" (and {', '.join(others[:_NAMED])}{', ...' if len(others) > _NAMED else ''})" if others else ""
         where = "" if shard == (0, 1) else " of this shard"
         raise InputError(f"{wrong[first]}{more}; {counted(len(made), 'grid')}{where} in {out}")
     return made
+
+
+def _convert_kept(task: tuple[Path, Path], *, match: bool, columns: str | None) -> str | None:
+    """Builds the grid of a scan into a folder, unless it is there; returns why that is impossible, else None."""
+    file, folder = task
+    try:
+        kept = cache.load(folder, [file])
+        if kept is None or kept.meta.match != match:
+            convert([file], folder, match=match, columns=columns)
+    except InputError as error:
+        return str(error)
+    return None

@@ -14,17 +14,20 @@ from ..work.project import check_projects, is_project, moves_of, places_in, read
 from ..work.reference import with_reference
 
 if TYPE_CHECKING:
+    from ..common.workers.worker_choice import Workers
     from ..grid.scene import Scene
 
 _log = logging.getLogger(__name__)
 
 
-def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False) -> "tuple[Scene, Document]":
+def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False,
+           workers: "Workers | None" = None) -> "tuple[Scene, Document]":  # fmt: skip
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
     options: as viewer.commands.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options``
     say.  writes: whether points are written by the regions and classes of the project.  A warning names each scan that is
     another file than the project was saved with.
+    workers: who converts the files of a place.
     Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system that is
     not known, and, with ``writes``, where regions or classes are of another file.
     """
@@ -39,7 +42,7 @@ def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bo
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     matched = bool(options.exposures == "matched") if match is None else match
     scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns,
-                       moves=moves_of(document.scans))
+                       moves=moves_of(document.scans), workers=workers)
     scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 

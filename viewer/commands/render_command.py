@@ -12,6 +12,7 @@ from ..common.files import out_folder
 from ..common.replaced_files import replaced_told
 from ..common.text import counted
 from ..common.workers.run_tasks import run_tasks
+from ..common.workers.worker_choice import Workers
 from ..readers.meshes.mesh_formats import scans_and_meshes
 from .mesh_files import beside, with_meshes
 from .neural_setup import check_weights
@@ -41,7 +42,8 @@ class _Pictures:
     exposures: str
     shot: "Shot | None"
 
-    def scene(self) -> "Scene":
+    def scene(self, workers: Workers | None = None) -> "Scene":
+        """workers: who converts the files of a place."""
         from ..grid.open_scene import moves_as, open_scene
         from ..work.ghosts import prepared
 
@@ -119,7 +121,7 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
                                         resume=options.resume)
     else:
         check_aux(specs, aux=options.aux)
-        tell(work.scene())  # where its grid is not in the cache yet, it is built once
+        tell(work.scene(workers))  # where its grid is not in the cache yet, it is built once
         ready()
         with replaced_told(written), out_folder(options.out):
             count = sum(run_tasks(work, specs, workers, label="rendering", unit="picture", name=lambda spec: spec.camera.name))

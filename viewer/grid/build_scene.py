@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,26 +16,50 @@ from .records.point_records import identity_of
 from .scene import Scene
 
 if TYPE_CHECKING:
+    from ..common.workers.worker_choice import Workers
     from ..readers.moved_source import Moves
     from ..readers.source import Source
+    from .building.decoded_files import Spool
     from .density_layers import Lattice
 
 _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file
 
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None,
-                moves: "Moves | None" = None, folder: Path | None = None, lattice: "Lattice | None" = None) -> Scene:
+                moves: "Moves | None" = None, folder: Path | None = None, lattice: "Lattice | None" = None,
+                workers: "Workers | None" = None) -> Scene:
     """Reads the files, of several those that can be read, and builds their grid.
 
     allocate: gives the arrays of the points (viewer.grid.building.two_passes.Allocate).  folder: for temporary files.
     lattice: of a place (viewer.grid.building.two_passes.build_grid).
+    workers: who decodes several files that are not moved; needs ``folder``.  None: this process, which decodes one file after
+    the other, each on all processors where its format allows that.
     """
+    build = partial(_build, allocate=allocate, match=match, columns=columns, moves=moves, folder=folder, lattice=lattice)
+    if workers is None or len(files) < 2 or folder is None or moves:
+        return build(files, spools={})
+    from .building.decoded_files import decoded_files, remove_spools
+
+    spools = decoded_files(files, columns, folder, workers)
+    try:
+        return build(files, spools=spools)
+    finally:
+        remove_spools(spools)
+
+
+def _build(files: list[Path], *, allocate, match: bool, columns: str | None, moves: "Moves | None", folder: Path | None,
+           lattice: "Lattice | None", spools: "dict[Path, Spool]") -> Scene:  # fmt: skip
+    """build_scene, with those files that are decoded already."""
     from ..preprocess.point_colour import Colours
     from ..readers.formats import open_readable
     from .building.two_passes import build_grid
 
     sources, left_out = open_readable(files, columns, moves)
     while True:
+        if spools:
+            from .building.decoded_files import with_spools
+
+            sources = with_spools(sources, spools)
         files = [source.path for source in sources]
         known = replace(
             stated_facts(sources), match=match, warnings=(*warnings_of(left_out), *_differences(sources)),

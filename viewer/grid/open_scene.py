@@ -27,6 +27,7 @@ from .scene import Scene
 
 if TYPE_CHECKING:
     from ..common.rigid_transform import Rows
+    from ..common.workers.worker_choice import Workers
     from ..readers.moved_source import Moves
 
 _log = logging.getLogger(__name__)
@@ -34,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 def open_scene(
     paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True, columns: str | None = None,
-    moves: "Moves | None" = None,
+    moves: "Moves | None" = None, workers: "Workers | None" = None,
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
@@ -44,6 +45,7 @@ def open_scene(
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
     moves: the rigid transformations of scans that a project has moved; None: all stay where their files have them.
+    workers: who converts the files of a place that are not in the cache; None: this process, one after the other.
     Many or large files have a grid each, which the scene joins (viewer.grid.place.open_place).
     Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
@@ -63,7 +65,7 @@ def open_scene(
     if cache and is_place(files):
         from .place.open_place import open_place
 
-        scene, unread = open_place(files, match=match, columns=columns, moves=moves)
+        scene, unread = open_place(files, match=match, columns=columns, moves=moves, workers=workers)
         left_out += unread
     elif not cache:
         scene = build_scene(files, in_memory, match=match, columns=columns, moves=moves)

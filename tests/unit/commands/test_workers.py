@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -14,9 +15,14 @@ import laspy
 import numpy as np
 import pytest
 
+from pointglass.viewer.commands.heldout.evaluate_scan import judge_scan
+from pointglass.viewer.common.workers.worker_choice import Workers
+
 ROOT = Path(__file__).resolve().parents[3]
 pytestmark = pytest.mark.gl
 FRAMES = 8
+PROGRESS = re.compile(r"^pointglass: [a-z ]+: [\d,]+ .*(left|so far)\n", re.MULTILINE)
+"""Lines on standard error that come on a busy machine only."""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +60,7 @@ def start(*arguments) -> subprocess.Popen:
 def run(*arguments) -> subprocess.CompletedProcess:
     process = start(*arguments)
     out, err = process.communicate(timeout=240)
-    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, PROGRESS.sub("", err))
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -94,6 +100,52 @@ def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, t
     assert content(out) == pictures
 
 
+@pytest.mark.parametrize("name", ["a.mp4", "frames"])
+def test_a_film_of_workers_is_that_of_one_process(scan, cameras, pictures, tmp_path, name):
+    made = []
+    for number, given in enumerate([[], ["--workers", 2]]):
+        (folder := tmp_path / str(number)).mkdir()
+        ended = run("video", scan, "--path", cameras, "--out", folder / name, "--view", "raw", "--seconds", 1, *given)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        made.append(content(folder))
+    assert made[0] == made[1] and len(made[0]) == (1 if name == "a.mp4" else 25)
+
+
+def test_a_publication_of_workers_is_that_of_one_process(scan, pictures, tmp_path):
+    line = "publish", scan, "--view", "filled", "--face-size", 512, "--places", 2, "--second", "none", "--out"
+    assert run(*line, tmp_path / "a").returncode == 0
+    ended = run(*line, tmp_path / "b", "--workers", 2)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+
+
+def test_figures_of_an_evaluation_by_workers_are_those_of_one_process(scan, pictures):
+    one, two = (judge_scan(scan, {}, densities=(1.0,), views=3, size=(160, 120), sheet=True, workers=workers)
+                for workers in (None, Workers(2)))  # fmt: skip
+    assert one[0] == two[0] and one[0]["rows"][0]["views"] == 3
+    assert np.array_equal(np.concatenate(one[1]), np.concatenate(two[1]))
+
+
+@pytest.mark.parametrize("each", [False, True])
+def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
+    """Of two LAZ files and a damaged one, which is left out."""
+    rng = np.random.default_rng(3)
+    (folder := tmp_path / "scans").mkdir()
+    for name in "ab":
+        written(folder / f"{name}.laz", rng.uniform(0, 3, (5000, 3)), rng)
+    whole = (folder / "b.laz").read_bytes()
+    (folder / "c.laz").write_bytes(whole[: len(whole) // 2])
+    found = []
+    for number, given in enumerate([[], ["--workers", 2]]):
+        files = [folder] if each else sorted(folder.iterdir())
+        ended = run("convert", *files, "--out", tmp_path / str(number), *(["--each"] if each else []), *given)
+        assert (ended.returncode, ended.stderr.count("\n")) == ((2, 1) if each else (0, 0))
+        said = ended.stderr if each else (tmp_path / str(number) / "meta.json").read_text()
+        assert "c.laz" in said
+        found.append((content(tmp_path / str(number)), ended.stderr.replace(str(tmp_path / str(number)), "")))
+    assert found[0] == found[1] and len(found[0][0]) > 8 and hidden(tmp_path) == []
+
+
 def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp_path):
     rng = random.Random(seed := random.getrandbits(32))
     process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
@@ -121,7 +173,7 @@ def test_a_signal_ends_command_and_workers_and_leaves_whole_pictures(scan, camer
     workers = {*workers, *children(process.pid)}
     process.send_signal(number)
     begun = time.monotonic()
-    _, err = process.communicate(timeout=240)
+    err = PROGRESS.sub("", process.communicate(timeout=240)[1])
     assert time.monotonic() - begun < 8, seed
     assert (process.returncode, err) in ((130, "pointglass: stopped\n"), (0, "")), (seed, err)
     time.sleep(0.1)

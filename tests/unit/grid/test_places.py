@@ -13,6 +13,7 @@ from cloud_files import surface, write_las, write_ply
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import set_sink
+from pointglass.viewer.common.workers.worker_choice import Workers
 from pointglass.viewer.grid.cache import load, load_folder
 from pointglass.viewer.grid.gathered_rows import gathered
 from pointglass.viewer.grid.open_scene import open_scene
@@ -184,3 +185,18 @@ def test_a_file_is_converted_by_another_process(tmp_path, store):
 def test_colours_of_single_points_are_those_of_the_place(tmp_path):
     scene = open_scene(tiles(tmp_path, 2), match=False)
     np.testing.assert_array_equal(colours(packed(scene, slice(5, 50))), unpack(scene, np.arange(5, 50))[1])
+
+
+def test_files_converted_by_workers_give_the_same_grids(tmp_path, monkeypatch):
+    files = tiles(tmp_path, 4)
+    (bad := tmp_path / "tile9.laz").write_bytes(files[1].read_bytes()[:9000])
+    made = []
+    for name, workers in ("one", None), ("two", Workers(2)):
+        monkeypatch.setenv("POINTGLASS_CACHE", str(store := tmp_path / name))
+        scene = open_scene([*files, bad], workers=workers)
+        grids = {str(path.relative_to(store)): path.read_bytes() for path in store.glob("*/*") if path.parent.name != "places"}
+        made.append((grids, packed(scene).tobytes(), scene.meta.warnings))
+    assert sorted(made[0][0]) == sorted(made[1][0])
+    assert [name for name, data in made[0][0].items() if made[1][0][name] != data] == []
+    assert made[0][1:] == made[1][1:] and len(made[0][0]) > 4 * 5
+    assert "tile9.laz" in str(made[0][2])

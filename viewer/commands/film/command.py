@@ -3,22 +3,23 @@
 import argparse
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ... import __version__
 from ...common.errors import InputError
 from ...common.failures import tell
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...picture.edits import NO_EDITS, Edits
-from ...picture.json_values import to_json
 from ...work.cameras.pace import Pace
 from ...work.cameras.path import frame_name, interpolate
 from ...work.document import LONGEST_STAY
+from ..workers_option import add_workers, check_cached, workers_of
+from .film_record import MP4, describe, folder_line, ingredients
+from .opened_renderer import opened_renderer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +36,6 @@ MOST_FRAMES_A_SECOND = 1000
 _LARGEST_TIMING = 1e300
 """Frames a second or seconds that a file may state; JSON allows whole numbers that no float holds."""
 PANORAMA_SIZE = (4096, 2048)
-MP4 = (".mp4", ".m4v", ".mov")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--background", choices=["black", "plain", "gradient", "sky"], default="black",
                         help="what is shown where there is no surface (default black)")
     parser.add_argument("--resume", action="store_true", help="with a folder: keep the frames that are there")
+    add_workers(parser, "frames")
 
 
 def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None, seconds: float | None = None,
@@ -158,28 +159,11 @@ def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rat
         fps = Fraction(rate).limit_denominator(1001)
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
-    made_of = {
-        "version": __version__, "scans": list(scene.meta.sources), "points": scene.count, "settings": asdict(maker.settings),
-        "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
-        "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
-    }
-    if not maker.edits.none:
-        made_of["alterations"] = to_json(maker.edits)
+    made_of = ingredients(scene, cameras, maker.settings, panorama=maker.panorama, supersample=maker.supersample,
+                          background=maker.background, edits=maker.edits)
     made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume,
-                        describe=partial(_describe, scene, maker))
-    kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
-    return f"{counted(len(cameras), 'frame')} in {out}{kept}"
-
-
-def _describe(scene: "Scene", maker: "FrameMaker", camera: "Camera") -> dict[str, str]:
-    """The text inside the PNG of a frame: its description, or what prevents drawing it again."""
-    from ...work.pictures.shot_metadata import KEY, cannot_repeat, describe_shot
-
-    if maker.panorama:
-        return cannot_repeat("a panorama")
-    if maker.supersample > 1:
-        return cannot_repeat(f"a picture averaged from one {maker.supersample} times as wide")
-    return {KEY: describe_shot(scene, maker.spec(maker.framed(camera))).drawn_with(maker.renderer.choice.timed).text()}
+                        describe=partial(describe, scene, maker))
+    return folder_line(out, len(cameras), made)
 
 
 def check(options: argparse.Namespace) -> None:
@@ -195,32 +179,24 @@ def check(options: argparse.Namespace) -> None:
 
 def run(options: argparse.Namespace, settings: "Settings") -> int:
     """The command.  Returns the exit code."""
-    from ..options import memory_of
-    from ..photo_option import give_photographs, photographs_of_folder
     from ..render_pictures import parse_size
     from .encode import frame_files
 
     check(options)
+    workers = workers_of(options)
+    check_cached(options, workers)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
     cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds,
                               stay=options.stay, ease=options.ease)
 
-    photographs = photographs_of_folder(settings)
-    from ...grid.open_scene import open_scene, say_degrees
-    from ...render.device.context import create_context
-    from ...render.renderer import Renderer
+    if workers is not None:
+        from .distributed_film import film_by_workers
 
-    context = create_context()
-    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
-    say_degrees(scene)
-    renderer = Renderer(context, scene, memory=memory_of(options))
-    give_photographs(renderer, settings, photographs)
-    try:
+        print(film_by_workers(options, settings, cameras, rate, workers))
+        return 0
+    with opened_renderer(options, settings) as (scene, renderer):
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
             made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
                         supersample=options.supersample, background=options.background, resume=options.resume)
         print(made)
-    finally:
-        renderer.release()
-        context.release()
     return 0

@@ -4,6 +4,7 @@ An MP4 appears whole or not at all.  A folder takes one PNG a frame, each writte
 says what the pictures were made of: with ``resume`` the frames that are there are kept, if they were made of the same.
 """
 
+import contextlib
 import json
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
@@ -33,21 +34,29 @@ Draw = Callable[[Camera], np.ndarray]
 
 
 def write_mp4(path: Path, cameras: Sequence[Camera], draw: Draw, *, size: tuple[int, int], fps: Fraction) -> None:
-    """Encodes one picture a camera.  Raises InputError where sides are odd (H.264 halves the colour's resolution) or the file
-    cannot be written."""
+    """Encodes one picture a camera.  Raises as :func:`encode_mp4`."""
+    with progress(len(cameras), "filming", "frame") as meter:
+        encode_mp4(path, _counted(map(draw, cameras), meter.update), size=size, fps=fps)
+
+
+def encode_mp4(path: Path, pictures: Iterable[np.ndarray], *, size: tuple[int, int], fps: Fraction) -> None:
+    """Encodes pictures (H, W, 3) uint8, in their order.  Raises InputError where sides are odd (H.264 halves the colour's
+    resolution) or the file cannot be written."""
+    check_mp4(path, size)
+    try:
+        write_atomic(path, lambda beside: _encode(beside, pictures, size, fps))
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise InputError(f"cannot be written ({why})", file=path, remedy="make room, or choose another place for it") from None
+
+
+def check_mp4(path: Path, size: tuple[int, int]) -> None:
+    """Raises InputError as :func:`encode_mp4`, before there is a picture."""
     if size[0] % 2 or size[1] % 2:
         raise InputError(f"an MP4 needs even sides, not {size[0]}x{size[1]}", file=path,
                          remedy=("choose another ", Option("--size"), ", or give a folder for PNGs"))
     if not path.parent.is_dir():
         raise InputError("its folder does not exist", file=path, remedy=f"make {path.parent} first")
-    with progress(len(cameras), "filming", "frame") as meter:
-        pictures = _counted(map(draw, cameras), meter.update)
-        try:
-            write_atomic(path, lambda beside: _encode(beside, pictures, size, fps))
-        except OSError as error:
-            why = error.strerror or str(error)
-            raise InputError(f"cannot be written ({why})", file=path,
-                             remedy="make room, or choose another place for it") from None
 
 
 def _counted(pictures: Iterable[np.ndarray], update: Callable[[int], None]) -> Iterable[np.ndarray]:
@@ -89,33 +98,47 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
     describe: gives the text inside a camera's PNG.
     Raises InputError where they were made of something else, or where there are some and ``resume`` is not asked for.
     """
-    record = out / RECORD
+    left = frames_left(out, cameras, made_of=made_of, resume=resume)
+    with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
+        meter.update(len(cameras) - len(left))
+        begin_folder(out, made_of)
+        for camera in left:
+            write_frame(out, camera, draw(camera), describe(camera) if describe is not None else None)
+            meter.update(1)
+    return len(left)
+
+
+def frames_left(out: Path, cameras: Sequence[Camera], *, made_of: dict, resume: bool) -> list[Camera]:
+    """The cameras whose frames are not there yet.  Arguments and errors as of :func:`write_folder`."""
     there = {path.name for path in out.glob("*.png")} if out.is_dir() else set()
     wanted = json.loads(json.dumps(made_of))
-    goes_on = bool(there.intersection(frame_files(cameras)))
-    if goes_on:
+    if there.intersection(frame_files(cameras)):
         if not resume:
             raise InputError("holds frames already", file=out,
                              remedy=("add ", Option("--resume"), " to keep them, or choose another ", Option("--out")))
-        if (kept := _read(record)) != wanted:
+        if (kept := _read(out / RECORD)) != wanted:
             other = next((key for key in wanted if kept.get(key) != wanted[key]), "content")
-            raise InputError(f"the frames there were made with another {other}", file=record,
+            raise InputError(f"the frames there were made with another {other}", file=out / RECORD,
                              remedy=("choose another ", Option("--out")))
     kept_names = {name for name in there if whole_png(out / name)}
-    left = [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
-    with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
-        meter.update(len(cameras) - len(left))
-        if not goes_on:
-            write_json(record, made_of)
-        for camera in left:
-            picture = draw(camera)
-            try:
-                write_png(inside(out, f"{camera.name}.png"), picture, describe(camera) if describe is not None else None)
-            except OSError as error:
-                raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error})",
-                                 remedy=("make room, then go on with ", Option("--resume"))) from None
-            meter.update(1)
-    return len(left)
+    return [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
+
+
+def begin_folder(out: Path, made_of: dict) -> None:
+    """Writes the record of a folder of frames, which is there, unless it has it already."""
+    with contextlib.suppress(InputError):  # one that cannot be read, of a folder without frames
+        if _read(out / RECORD) == json.loads(json.dumps(made_of)):
+            return
+    write_json(out / RECORD, made_of)
+
+
+def write_frame(out: Path, camera: Camera, picture: np.ndarray, text: dict[str, str] | None) -> None:
+    """Writes ``out/NAME.png``.  picture: (H, W, 3) uint8.  text: inside the PNG.  Raises InputError."""
+    try:
+        write_png(inside(out, f"{camera.name}.png"), picture, text)
+    except OSError as error:
+        raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error})",
+                         remedy=("make room, then go on with ", Option("--resume"))) from None
 
 
 def _read(record: Path) -> dict:

@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 LARGEST_SUPERSAMPLE = 4
 
 
+def check_form(size: tuple[int, int], supersample: int, *, panorama: bool) -> None:
+    """Raises InputError for values that a FrameMaker cannot have."""
+    if not 1 <= supersample <= LARGEST_SUPERSAMPLE:
+        raise InputError(f"expected 1 to {LARGEST_SUPERSAMPLE}", option="--supersample", value=supersample)
+    if panorama and size[0] != 2 * size[1]:
+        raise InputError((Option("--size"), f" {size[0]}x{size[1]}: a panorama is twice as wide as high, such as 4096x2048"))
+
+
 @dataclass(frozen=True)
 class FrameMaker:
     """Makes a film's pictures.  The same camera gives the same bytes.
@@ -41,11 +49,7 @@ class FrameMaker:
     _composer: Composer = field(init=False)
 
     def __post_init__(self) -> None:
-        if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
-            raise InputError(f"expected 1 to {LARGEST_SUPERSAMPLE}", option="--supersample", value=self.supersample)
-        if self.panorama and self.size[0] != 2 * self.size[1]:
-            raise InputError((Option("--size"), f" {self.size[0]}x{self.size[1]}: a panorama is twice as wide as high, such as "
-                              "4096x2048"))
+        check_form(self.size, self.supersample, panorama=self.panorama)
         object.__setattr__(self, "_composer", Composer(self.renderer.context))
 
     def picture(self, camera: "Camera") -> np.ndarray:

@@ -2,7 +2,9 @@
 
 import argparse
 import sys
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,12 +12,18 @@ import numpy as np
 
 from ....model.network.qualities import DEFAULT
 from ...common.errors import InputError
-from ...common.progress import progress
 from ...common.text import counted
+from ...common.workers.run_tasks import run_tasks
+from ...common.workers.worker_choice import Workers
+from ..workers_option import workers_of
 
 if TYPE_CHECKING:
+    from ....model.data.dataset import MergedScan
     from ....model.evaluation.heldout import Viewpoint, Withheld
+    from ...grid.scene import Scene
     from .sheet_background import SheetBackground
+
+    Judge = Callable[[Viewpoint], tuple[dict, np.ndarray | None]]
 
 FILLED = "filled"
 """Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
@@ -66,7 +74,8 @@ def run(options: argparse.Namespace) -> int:
     from ....model.evaluation.heldout_report import format_withheld
 
     result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
-                              views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)
+                              views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None,
+                              workers=workers_of(options))
     print(format_withheld(result))
     if options.json:
         write_json(options.json, result)
@@ -75,38 +84,73 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, ...], views: int,
-               size: tuple[int, int], sheet: bool = False) -> tuple[dict, list[np.ndarray]]:
+@dataclass(frozen=True)
+class _Judging:
+    """What each process opens to judge viewpoints, with the arguments of :func:`judge_scan`."""
+
+    path: Path
+    weights: dict[str, Path]
+    densities: tuple[float, ...]
+    sheet: bool
+
+    @contextmanager
+    def opened(self) -> "Iterator[Judge]":
+        """For run_tasks."""
+        from ...grid.open_scene import open_scene
+        from .scan_points import points_of
+
+        scene = open_scene(self.path)
+        yield self.judge(scene, *points_of(scene, self.path))
+
+    def judge(self, scene: "Scene", scan: "MergedScan", spacing: float) -> "Judge":
+        """The function of a viewpoint: its errors, as of Withheld.found, and its row of the sheet."""
+        from ....model.evaluation.heldout import Withheld
+        from ....model.evaluation.methods import WEIGHTED, network_method, plain_methods
+        from .sheet_background import SheetBackground
+
+        names = {"raw": "raw", WEIGHTED: FILLED}
+        methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
+        methods += [network_method(name, file) for name, file in self.weights.items()]
+        work = Withheld(scan, spacing, methods, self.densities, unlit=scene.unlit, noise=scene.noise)
+        background = SheetBackground(scene) if self.sheet else None
+
+        def judge(viewpoint: "Viewpoint") -> tuple[dict, np.ndarray | None]:
+            work.found = {}
+            row = _judged(work, viewpoint, background)
+            return work.found, row
+
+        return judge
+
+
+def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, ...], views: int, size: tuple[int, int],
+               sheet: bool = False, workers: Workers | None = None) -> tuple[dict, list[np.ndarray]]:  # fmt: skip
     """Metrics of a scan, for JSON, and the rows of the sheet, (H, W, 3) uint8 each.
 
     weights: name -> file.  densities: shares of the points that are not withheld.  sheet: whether to make rows, each with the
-    filled picture, the neural one, and a map of which is closer to the withheld points.  Raises InputError if no withheld point
-    is visible.
+    filled picture, the neural one, and a map of which is closer to the withheld points.  workers: who judges the views; None:
+    this process.  Raises InputError if no withheld point is visible.
     """
     from ....model.evaluation.heldout import Withheld
     from ....model.evaluation.made_with import made_with
-    from ....model.evaluation.methods import WEIGHTED, network_method, plain_methods
     from ...grid.open_scene import open_scene
     from .judged_viewpoints import judged_viewpoints, station_viewpoints
     from .scan_points import points_of
-    from .sheet_background import SheetBackground
 
-    names = {"raw": "raw", WEIGHTED: FILLED}
-    methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
-    methods += [network_method(name, file) for name, file in weights.items()]
     scene = open_scene(path)
     scan, spacing = points_of(scene, path)
-    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=scene.noise)
     viewpoints = judged_viewpoints(scene, size, views)
     stations = station_viewpoints(scan, size)
-    background = SheetBackground(scene) if sheet else None
+    work = Withheld(scan, spacing, [], densities)
     rows = []
-    with progress(len(viewpoints) + len(stations), "evaluating", " views") as meter:
-        for viewpoint in (*viewpoints, *stations):
-            row = _judged(work, viewpoint, background)
+    judging = _Judging(path, weights, densities, sheet)
+    given = judging.judge(scene, scan, spacing) if workers is None else judging
+    with closing(run_tasks(given, [*viewpoints, *stations], workers, label="evaluating",
+                           unit=" views", name=lambda viewpoint: viewpoint.name)) as judged:  # fmt: skip
+        for found, row in judged:
+            for key, errors in found.items():
+                work.found.setdefault(key, []).extend(errors)
             if row is not None:
                 rows.append(row)
-            meter.update(1)
     if not work.found:
         raise InputError(f"no withheld point is visible in {counted(len(viewpoints), 'view')}", file=path,
                          remedy="open it and check the positions of its points")

@@ -2,13 +2,27 @@
 
 import argparse
 import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from ...common.text import bytes_text, counted, with_whole_characters
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ...preprocess.scan_description import ScanWarning, WarningTopic
+from ..neural_setup import check_weights
 from ..options import memory_of
+from ..workers_option import add_workers, check_cached, workers_of
+
+if TYPE_CHECKING:
+    from ...grid.scene import Scene
+    from ...render.described_picture import Composer
+    from ...render.renderer import Renderer
+    from ...work.document import Document
+    from .places import Place
+    from .publication import Form
 
 _log = logging.getLogger(__name__)
 
@@ -31,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="pixels of a side of the six pictures around a place (default 1024)")
     parser.add_argument("--second", choices=[*_SECOND, "none"], default="raw",
                         help="a second view, shown beside the first by a handle (default raw)")
+    add_workers(parser, "places")
     parser.add_argument("--title", default="", metavar="TEXT", help="of the page (default: the name of the scan or project)")
 
 
@@ -38,33 +53,70 @@ def _warn(text: str) -> None:
     _log.warning("%s", ScanWarning(text, WarningTopic.LEFT_OUT))
 
 
-def run(options: argparse.Namespace, settings: Settings) -> int:
-    """The command.  Returns the exit code.  Raises PointglassError."""
-    from .places import chosen_places, parse_places
-    from .publication import Form, Publication, check_folder
-
-    wanted = parse_places(options.places)
-    check_folder(options.out)
+@contextmanager
+def _opened_renderer(options: argparse.Namespace) -> "Iterator[tuple[Scene, Document, Renderer, Composer]]":
     from ...render.described_picture import Composer
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
-    from ...work.project import is_project
     from ..open_project import opened
 
     context = create_context()
     scene, document = opened(options)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
     try:
-        places = chosen_places(scene, document, wanted)
-        form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
-        project = options.scans[0] if is_project(options.scans[0]) else None
-        title = with_whole_characters(options.title or options.scans[0].resolve().stem)
-        made = Publication(scene, document, settings, places, options.out, title, form, project)
-        rendered, size = made.write(renderer, composer, _warn)
+        yield scene, document, renderer, composer
     finally:
         composer.release()
         renderer.release()
         context.release()
+
+
+@dataclass(frozen=True)
+class _Places:
+    """What each worker opens to make places, which it is given by their numbers."""
+
+    options: argparse.Namespace
+    settings: Settings
+    places: "list[Place]"
+    form: "Form"
+
+    @contextmanager
+    def opened(self) -> "Iterator[Callable[[int], Any]]":
+        from .publication import Publication
+
+        check_weights(self.settings)
+        with _opened_renderer(self.options) as (scene, document, renderer, composer):
+            made = Publication(scene, document, self.settings, self.places, self.options.out, "", self.form)
+            yield lambda number: made.write_place(number, renderer, composer)
+
+
+def run(options: argparse.Namespace, settings: Settings) -> int:
+    """The command.  Returns the exit code.  Raises PointglassError."""
+    from .places import chosen_places, parse_places
+    from .publication import Form, Publication, check_folder
+
+    wanted, workers = parse_places(options.places), workers_of(options)
+    check_cached(options, workers)
+    check_folder(options.out)
+    from ...work.project import is_project
+    from ..open_project import opened
+
+    form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
+
+    def publication(scene: "Scene", document: "Document") -> Publication:
+        places = chosen_places(scene, document, wanted)
+        project = options.scans[0] if is_project(options.scans[0]) else None
+        title = with_whole_characters(options.title or options.scans[0].resolve().stem)
+        return Publication(scene, document, settings, places, options.out, title, form, project)
+
+    if workers is None:
+        with _opened_renderer(options) as (scene, document, renderer, composer):
+            made = publication(scene, document)
+            rendered, size = made.write(renderer, composer, _warn)
+    else:
+        made = publication(*opened(options, workers=workers))  # where its grid is not in the cache yet, it is built once
+        rendered, size = made.write_by(_Places(options, settings, made.places, form), workers, _warn)
+    places = made.places
     kept = f", {len(places) - rendered:,} kept" if rendered < len(places) else ""
     print(f"{counted(len(places), 'place')}{kept}, {bytes_text(size)}: open {options.out / 'index.html'}")
     return 0

@@ -17,6 +17,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,8 @@ from ....model.common.system import locked
 from ... import __version__
 from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
-from ...common.progress import progress
+from ...common.workers.run_tasks import run_tasks
+from ...common.workers.worker_choice import Workers
 from ...picture.edits import Edits
 from ...picture.json_values import to_json
 from ...picture.point_sets import NO_POINTS
@@ -84,26 +86,24 @@ class Publication:
     project: Path | None = None
 
     def write(self, renderer: "Renderer", composer: "Composer", problem: Callable[[str], object]) -> tuple[int, int]:
-        """Makes the folder.  Returns how many places were rendered and the bytes of all files.  problem: is told, in a line,
-        what is left out.  Raises InputError where the folder holds other files, another process publishes into it, or it cannot
-        be written, DeviceError where a picture cannot be made."""
+        """Makes the folder, in this process; as :meth:`write_by`."""
+        return self.write_by(lambda number: self.write_place(number, renderer, composer), None, problem)
+
+    def write_by(self, make: Any, workers: Workers | None, problem: Callable[[str], object]) -> tuple[int, int]:
+        """Makes the folder.  make: does :meth:`write_place` for the number of a place, as run_tasks takes it.
+
+        Returns how many places were rendered and the bytes of all files.  problem: is told, in a line, what is left out.
+        Raises InputError where the folder holds other files, another process publishes into it, or it cannot be written,
+        DeviceError where a picture cannot be made."""
         check_folder(self.out)
-        rendered, records, sizes = 0, [], []
         attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
-        with out_folder(self.out / "places"), alone(self.out), progress(len(self.places), "publishing", "place") as meter:
-            for number, place in enumerate(self.places):
-                made_of = self._digest(place)
-                record = self._finished(number, made_of)
-                if record is None:
-                    faces = render_place(renderer, composer, self._spec(place), place.position, side=self.form.side,
-                                         depth_side=self.form.small, second=self.form.second)
-                    record = {"made_of": made_of, "near": faces.scale.near, "step": faces.scale.step,
-                              "floor": floor_below(faces), "yaw": open_heading(faces)}
-                    self._write_place(number, faces, record)
-                    rendered += 1
-                records.append(record)
-                sizes.append({part: self._file(number, part).stat().st_size for part in self._parts})
-                meter.update(1)
+        with out_folder(self.out / "places"), alone(self.out):
+            finished = [self._finished(number) for number in range(len(self.places))]
+            missing = [number for number, record in enumerate(finished) if record is None]
+            with closing(run_tasks(make, missing, workers, label="publishing", unit="place",
+                                   name=lambda number: self.places[number].name)) as made:
+                records = [next(made) if record is None else record for record in finished]
+            sizes = [{part: self._file(number, part).stat().st_size for part in self._parts} for number in range(len(records))]
             data = scene_data(self.scene, self.document, self.places, records, title=self.title, view=self.settings.view,
                               attached=attached)
             data |= {"format": _FORMAT, "side": self.form.side, "small": self.form.small, "stride": FIRST_STRIDE,
@@ -115,7 +115,17 @@ class Publication:
                     })
             self._write_page(script("scene", data))
             self._remove_left_over(set(note_files))
-        return rendered, sum(file.stat().st_size for file in self.out.rglob("*") if file.is_file())
+        return len(missing), sum(file.stat().st_size for file in self.out.rglob("*") if file.is_file())
+
+    def write_place(self, number: int, renderer: "Renderer", composer: "Composer") -> dict[str, Any]:
+        """Renders a place and writes its files.  Returns its record."""
+        place = self.places[number]
+        faces = render_place(renderer, composer, self._spec(place), place.position, side=self.form.side,
+                             depth_side=self.form.small, second=self.form.second)
+        record = {"made_of": self._digest(place), "near": faces.scale.near, "step": faces.scale.step,
+                  "floor": floor_below(faces), "yaw": open_heading(faces)}
+        self._write_place(number, faces, record)
+        return record
 
     @property
     def _parts(self) -> tuple[str, ...]:
@@ -146,8 +156,9 @@ class Publication:
         }  # fmt: skip
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
-    def _finished(self, number: int, made_of: str) -> dict[str, Any] | None:
+    def _finished(self, number: int) -> dict[str, Any] | None:
         """The record of a place whose files are there and were made of the same."""
+        made_of = self._digest(self.places[number])
         files = [self._file(number, part) for part in self._parts]
         if not all(file.is_file() for file in files):
             return None

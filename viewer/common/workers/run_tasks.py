@@ -14,7 +14,7 @@ the tasks.
 """
 
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from typing import Any, TypeVar
 
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 def run_tasks(function: Any, tasks: Sequence[T], workers: Workers | None, *, label: str, unit: str = "",
-              name: Callable[[T], str] = str, ahead: int | None = None) -> Iterator[Any]:  # fmt: skip
+              name: Callable[[T], str] = str, ahead: int | None = None) -> Generator[Any, None, None]:  # fmt: skip
     """Yields the result of each task, in order, and shows one progress bar.
 
     function: picklable, see above.  workers: None: this process does the tasks itself.  label, unit: as of ``progress``.
