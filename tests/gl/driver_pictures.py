@@ -86,6 +86,7 @@ def sources(context, monkeypatch) -> dict[str, str]:
     from pointglass.viewer.render.network.bridge import ReadBackBridge, works
     from pointglass.viewer.render.network.neural import unpacking
     from pointglass.viewer.render.passes.reprojection import Reprojection
+    from pointglass.viewer.render.photographs.photo_shader import PhotoShader
     from pointglass.viewer.window.viewport.present import Canvas
 
     texts: dict[str, str] = {}
@@ -104,7 +105,9 @@ def sources(context, monkeypatch) -> dict[str, str]:
     assert works(programs, bridge) and compute_works(context)
     canvas, moved = Canvas(context, programs, (8, 8)), Reprojection(programs, (8, 8))
     unpacking(programs, copied=True, bounded=False)
-    for owned in (canvas, bridge, moved, programs):
+    photographs = PhotoShader(programs, (8, 8))
+    photographs.colouring(False), photographs.colouring(True)
+    for owned in (canvas, bridge, moved, photographs, programs):
         owned.release()
     # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
     from pointglass.model.reference.soft_z import MAX_AVERAGED

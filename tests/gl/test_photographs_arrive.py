@@ -48,3 +48,18 @@ def test_photographs_come_later_and_make_the_same_picture(context, wall):
         made.append(frame.image("filled").copy())
         renderer.release()
     assert woken and np.array_equal(made[0], made[1]) and not np.array_equal(made[0], plain)
+
+
+def test_shaders_and_loops_make_one_picture(context, wall):
+    scene, photo, camera = wall
+    made = []
+    for shaders in (False, True):
+        renderer = Renderer(context, scene, device="cpu")
+        renderer.photographs.give("wall", [photo])
+        renderer.photographs.shaders = shaders
+        frame = renderer.render(camera, Settings(view="neural", quality="fast", photos="wall"), ("filled", "neural"))
+        made.append([frame.image(view).astype(int) for view in ("filled", "neural")] + [frame.from_photographs()])
+        renderer.release()
+    assert made[1][2].mean() > 0.5 and np.mean(made[0][2] != made[1][2]) < 0.004
+    for loops, shaders in zip(made[0][:2], made[1][:2], strict=True):
+        assert np.mean(np.abs(loops - shaders).max(-1) > 1) < 0.004

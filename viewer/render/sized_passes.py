@@ -107,7 +107,7 @@ class SizedPasses:
             assert fill.depth is not None and frame.mask_texture is not None
             self.photos = self.photos or PhotoPass(self.programs, self.size)
             with stages("photographs"):
-                self.photos.run(fill.filled, fill.depth, frame.mask_texture, frame.camera, photographs.pool, numbers,
+                self.photos.run(fill.filled, fill.depth, frame.mask_texture, frame.camera, photographs, numbers,
                                 network.bridge.input if network else None)
             frame.photo_share, frame.facts = self.photos.share, replace(frame.facts, photographs=len(numbers))
         if network is not None:

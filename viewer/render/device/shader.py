@@ -26,7 +26,7 @@ one contiguous half for each of two threads; with 1 up to 1.06, because both thr
 BINDINGS = {
     "FRAME": 0, "STATIONS": 1, "EDITS": 2,
     "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5,
-    "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "MARKS": 6, "FLAGS": 7, "CARRY": 7,
+    "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "MARKS": 6, "FLAGS": 7, "CARRY": 7, "PHOTOS": 6, "PHOTO_RECORDS": 7,
 }  # fmt: skip
 """Binding points: FRAME, STATIONS and EDITS are uniform blocks, the rest storage blocks.  OpenGL 4.3 guarantees eight of
 those, so blocks that no pass uses together share a number."""

@@ -1,6 +1,7 @@
 """Colours the filled picture from photographs, after the fill and before the network.
 
-In software OpenGL and on a GPU alike it runs in compiled loops on the processor; the picture is read back for them.
+On a GPU in compute shaders (photo_shader).  In software OpenGL, and where a GPU cannot hold the photographs, in compiled loops
+on the processor, for which the picture is read back.
 """
 
 from typing import TYPE_CHECKING, Protocol
@@ -11,6 +12,7 @@ from ....model.common.process.processors import in_rows
 from ....model.reference.photo_colours import BLOCK
 from .photo_loops import TILE, photograph_rows
 from .photo_pool import PhotoPool
+from .photo_shader import PhotoShader
 from .photo_surface_loops import count_measured
 
 if TYPE_CHECKING:
@@ -18,11 +20,13 @@ if TYPE_CHECKING:
 
     from ...picture.camera import Camera
     from ..device.shader import Programs
+    from .scene_photographs import ScenePhotographs
 
 
 class Pixels(Protocol):
     """The network's input, of viewer.render.network.bridge."""
 
+    def bind_to_storage_buffer(self, binding: int = 0) -> None: ...
     def read(self) -> bytes: ...
     def write(self, data) -> None: ...
 
@@ -54,13 +58,17 @@ class PhotoPass:
     """Owns ``share`` (R8), the photographs' share of each pixel of the last picture, for one picture size."""
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
-        self.size = size
+        self.size, self._programs = size, programs
         self.share = programs.context.texture(size, 1, dtype="f1", alignment=1)
+        self._shader: PhotoShader | None = None
 
     def run(self, filled: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture", camera: "Camera",
-            pool: PhotoPool, numbers: list[int], network: "Pixels | None") -> None:
+            photographs: "ScenePhotographs", numbers: list[int], network: "Pixels | None") -> None:
         """Colours ``filled`` (RGBA8) in place, and ``network``, the network's input.  depth: R32F of the filled picture.  mask:
         R8, kept by the filter."""
+        if (resident := photographs.resident(self._programs.context)) is not None:
+            self._shader = self._shader or PhotoShader(self._programs, self.size)
+            return self._shader.run(filled, self.share, depth, mask, camera, resident, numbers, network)
         width, height = self.size
         picture = np.frombuffer(filled.read(alignment=1), np.uint8).reshape(height, width, 4)
         z = np.frombuffer(depth.read(alignment=1), np.float32).reshape(height, width)
@@ -68,7 +76,7 @@ class PhotoPass:
         given = None
         if network is not None:
             given = np.frombuffer(network.read(), np.uint32).reshape(height, width, 4).copy()
-        made, share = photographed(picture, z, measured, camera, pool, numbers, given)
+        made, share = photographed(picture, z, measured, camera, photographs.pool, numbers, given)
         filled.write(made)
         self.share.write(share)
         if network is not None and given is not None:
@@ -76,3 +84,5 @@ class PhotoPass:
 
     def release(self) -> None:
         self.share.release()
+        if self._shader is not None:
+            self._shader.release()

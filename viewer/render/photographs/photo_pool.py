@@ -83,6 +83,11 @@ class PhotoPool:
         self._slots: dict[int, int] = {}  # photograph -> slot, the one used last at the end
         self.changed: set[int] = set()
 
+    @property
+    def filled(self) -> int:
+        """Slots that hold a photograph: the first ones."""
+        return len(self._slots)
+
     def __contains__(self, number: int) -> bool:
         return number in self._slots
 

@@ -4,9 +4,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...common.errors import InputError
+from ..device.context import describe_device
 from .photo_library import PhotoLibrary, library_of
+from .photo_shader import ResidentPool
 
 if TYPE_CHECKING:
+    import moderngl
+
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...picture.edits import Edits
@@ -16,12 +20,16 @@ if TYPE_CHECKING:
 
 
 class ScenePhotographs:
-    """Makes the library when the first picture wants it.  wake: as of PhotoLibrary."""
+    """Makes the library when the first picture wants it.  wake: as of PhotoLibrary.  shaders: whether compute shaders colour;
+    None: on a GPU."""
+
+    shaders: bool | None = None
 
     def __init__(self, scene: "Scene", wake: Callable[[], None] = lambda: None):
         self._scene, self._wake = scene, wake
         self._libraries: dict[str, PhotoLibrary | None] = {}
         self._last: PhotoLibrary | None = None
+        self._resident: ResidentPool | None = None
 
     def give(self, folder: str, photographs: "list[PosedPhotograph]") -> None:
         """The photographs of a folder, the value of Settings.photos that names it."""
@@ -53,12 +61,28 @@ class ScenePhotographs:
         assert self._last is not None
         return self._last.pool
 
+    def resident(self, context: "moderngl.Context") -> ResidentPool | None:
+        """A copy of the pool for compute shaders; None where compiled loops colour: in software OpenGL, and where a shader
+        cannot address so much."""
+        device, pool = describe_device(context), self.pool
+        used = not device.software if self.shaders is None else self.shaders
+        if not used or pool.words.nbytes > device.storage_limit:
+            return None
+        if self._resident is None or self._resident.pool is not pool:
+            if self._resident is not None:
+                self._resident.release()
+            self._resident = ResidentPool(context, pool)
+        return self._resident
+
     @property
     def arrived(self) -> bool:
         """Whether a photograph that the last picture lacked is there now."""
         return self._last is not None and self._last.arrived
 
     def release(self) -> None:
+        if self._resident is not None:
+            self._resident.release()
+            self._resident = None
         for library in self._libraries.values():
             if library is not None:
                 library.release()

@@ -1,0 +1,95 @@
+"""The pass of the photographs in compute shaders, for GPUs: nothing is read back.
+
+Reference implementation: model/reference/photo_colours.py.  The compiled loops (photo_loops) do the same on a processor.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....model.reference import photo_colours as constants
+from ..device.compute_pass import Pass
+from . import photo_pool as layout
+from .photo_pool import NUMBERS, PLACES, PhotoPool
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from ...picture.camera import Camera
+    from ..device.compute_pass import Storage
+    from ..device.shader import Programs
+
+MOST_PHOTOGRAPHS = 32
+"""Photographs at most for one picture, at least photo_library.IN_REACH."""
+_SURFACE: dict[str, Any] = {"BEND_AT": constants.BEND_AT, "BEND": constants.BEND}
+_COLOUR: dict[str, Any] = {
+    **{name: getattr(layout, name) for name in ("TURN", "SHIFT", "LENS", "GAINS", "KIND", "AROUND", "WIDTH", "HEIGHT", "MAP",
+                                                "MAP_WIDTH", "MAP_HEIGHT", "LEVELS", "LEVEL", "NUMBERS")},
+    **{name: getattr(constants, name) for name in ("PINHOLE", "SPHERICAL", "BLOCK", "NORMAL_AT", "HIDDEN", "LEAST_ANGLE",
+                                                   "BORDER", "AT_BORDER", "POINTS_VOTE", "AGREES")},
+    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("SPARSE", "COARSE", "GRAZING")
+       for k, end in enumerate(("FROM", "TO"))},
+    "RECORD": NUMBERS + PLACES, "MOST_PHOTOGRAPHS": MOST_PHOTOGRAPHS,
+}  # fmt: skip
+
+
+class ResidentPool:
+    """Owns a copy of a pool on the GPU."""
+
+    def __init__(self, context: "moderngl.Context", pool: PhotoPool):
+        self.pool = pool
+        self.words = context.buffer(reserve=pool.words.nbytes)
+        self._records = context.buffer(reserve=4 * (NUMBERS + PLACES) * MOST_PHOTOGRAPHS)
+        pool.changed |= set(range(pool.filled))
+
+    def update(self, numbers: list[int], camera: "Camera") -> "dict[str, Storage]":
+        """Uploads what has changed, and the records of these photographs; returns the buffers of photo_colour.comp."""
+        for slot in sorted(self.pool.changed):
+            part = slice(slot * self.pool.size, (slot + 1) * self.pool.size)
+            self.words.write(self.pool.words[part], offset=4 * part.start)
+        self.pool.changed.clear()
+        floats, places = self.pool.records(numbers, camera)
+        self._records.write(np.hstack([floats.view(np.uint32), places.view(np.uint32)]).tobytes())
+        return {"PHOTOS": self.words, "PHOTO_RECORDS": self._records}
+
+    def release(self) -> None:
+        self.words.release()
+        self._records.release()
+
+
+class PhotoShader:
+    """Owns the passes, and what they hand each other, of one picture size."""
+
+    def __init__(self, programs: "Programs", size: tuple[int, int]):
+        self._programs, self.size = programs, size
+        blocks = -(-size[0] // constants.BLOCK), -(-size[1] // constants.BLOCK)
+        self._certain = programs.context.texture(size, 1, dtype="f4")
+        self._grid = programs.context.texture(blocks, 1, dtype="f4")
+        self._surface = Pass(programs, "photographs", "photo_surface.comp", outputs=("certain",), inputs=("depth",), **_SURFACE)
+        self._spacing = Pass(programs, "photographs", "photo_spacing.comp", outputs=("grid",), inputs=("mask",),
+                             BLOCK=constants.BLOCK)
+        self._colours: dict[bool, Pass] = {}
+
+    def run(self, filled: "moderngl.Texture", share: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture",
+            camera: "Camera", resident: ResidentPool, numbers: list[int], network: "Storage | None") -> None:
+        """As PhotoPass.run; share: R8, written everywhere."""
+        buffers = resident.update(numbers, camera)
+        self._surface.run(self._certain, inputs={"depth": depth})
+        self._spacing.run(self._grid, inputs={"mask": mask})
+        buffers |= {} if network is None else {"NETWORK": network}
+        inputs = {"depth": depth, "certain": self._certain, "grid": self._grid}
+        self.colouring(network is not None).run(filled, share, inputs=inputs, buffers=buffers, photographs=len(numbers),
+                                                lens=(camera.fx, camera.fy, camera.cx, camera.cy))
+
+    def colouring(self, told: bool) -> Pass:
+        """The pass that colours, made when it is first needed.  told: also the network's input."""
+        if told not in self._colours:
+            self._colours[told] = Pass(
+                self._programs, "photographs", "photo_colour.comp", outputs=("filled", "share"),
+                inputs=("depth", "certain", "grid"), uniforms=("lens", "photographs"),
+                buffers=("PHOTOS", "PHOTO_RECORDS", *(("NETWORK",) if told else ())), NETWORK=1 if told else None, **_COLOUR)
+        return self._colours[told]
+
+    def release(self) -> None:
+        self._certain.release()
+        self._grid.release()
