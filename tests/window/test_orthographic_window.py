@@ -11,12 +11,15 @@ from PIL import Image
 from real_window import until, x_display
 from test_work_is_kept import all_points, opened, scan  # noqa: F401  (a fixture)
 
+from pointglass.viewer.window.kit import theme
 from pointglass.viewer.work.pictures.shot_metadata import read_shot
 from pointglass.viewer.work.project import read_project
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 PICTURE = 600, 400
 """A place over the picture, of a window of 1280 x 720."""
+ICON = 214, 582
+"""Of orthographic views, in the tool bar."""
 
 
 @pytest.fixture(scope="module")
@@ -71,5 +74,12 @@ def test_a_view_is_orthographic_zooms_at_the_pointer_and_is_drawn_again_from_its
     time.sleep(2.0)
     back = read_shot(shot(window)).spec.camera
     assert back.orthographic is None and np.allclose(back.view_rotation, near.view_rotation)
+    window.click(*ICON)
+    time.sleep(1.0)
+    window.picture("icon")
+    with Image.open(window.folder / "icon.png") as screen:
+        colour = np.array(screen.getpixel((ICON[0] - 12, ICON[1] - 12)))[:3] / 255
+    accent = theme.ACCENT.x, theme.ACCENT.y, theme.ACCENT.z
+    assert np.abs(colour - accent).max() < 0.01, "switched on, also under the pointer"
     window.keys("ctrl+q")
     assert window.ended() == 0

@@ -140,7 +140,8 @@ def refuse_address(path: Path, why: str = "only scans are read from addresses") 
             raise InputError(f"file:///{match[2]}: give the path without file://")
         address = f"{match[1]}://{match[2]}"
     if address:
-        raise InputError(f"{address.split('?')[0]}: is an address; {why}, download it and give the path of the file or folder")
+        raise InputError(f"{address.split('?')[0]}: is an address; {why}",
+                         remedy="download it, and give the path of the file or folder")
 
 
 def check_address(path: Path) -> None:

@@ -73,7 +73,8 @@ def test_faults_of_the_network_that_pass_are_bridged(tmp_path, fault):
 
 
 @pytest.mark.parametrize("status, words", [(404, "no such file there (404)"), (403, "does not give it out"),
-                                           (0, "cannot be read")])  # fmt: skip
+                                           (503, "cannot be read (the server answers 503"),
+                                           (0, "cannot be read (nothing answers there); check")])  # fmt: skip
 def test_errors_are_one_line_without_the_signature(tmp_path, capsys, status, words):
     with served({}) as server:
         server.refuse["a.laz"] = status

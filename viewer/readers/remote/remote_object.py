@@ -6,6 +6,7 @@ growing pauses; what will not pass (403, 404) is one line.  Credentials of S3 co
 """
 
 import os
+import re
 import time
 from base64 import b64encode
 from collections.abc import Iterator
@@ -21,6 +22,17 @@ _FIRST_PAUSE = 0.3
 """Seconds before a request is repeated; twice as long each time, so that about five seconds of a lost network are bridged."""
 _KNOWN_CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
                       "AWS_CONTAINER_CREDENTIALS_FULL_URI")  # fmt: skip
+_REASONS = {
+    r"connection ?refused": "nothing answers there",
+    "dns error": "there is no server of this name, or no network",
+    "invalid peer certificate|InvalidCertificate": "its certificate is not valid",
+    "InvalidContentType|InvalidMessage": "the server does not speak https there; perhaps http:// is meant",
+    r"status code: (\d{3}(?: [A-Z][A-Za-z-]*)*)": r"the server answers \1",
+    r"kind: Timeout|timed ?out": "no answer in time",
+    "body error|IncompleteMessage|connection ?reset": "cut in the middle",
+    "tcp connect error|network ?unreachable": "the server cannot be reached",
+}
+"""What obstore says, as a pattern, and in words for a person; the first that fits."""
 _CONNECT, _WHOLE = timedelta(seconds=10), timedelta(seconds=120)
 """A request has a few MiB at most: two minutes are 30 kB/s."""
 
@@ -157,6 +169,10 @@ def _pause(attempt: int) -> None:
 
 
 def _short(text: str) -> str:
-    """The first line of a library's message, without addresses, which may hold signatures."""
+    """Why a request failed, for a person: from _REASONS; otherwise the first line of the library's message, without addresses,
+    which may hold signatures."""
+    for pattern, words in _REASONS.items():
+        if found := re.search(pattern, text, re.IGNORECASE):
+            return found.expand(words)
     line = next(iter(text.strip().splitlines()), "no reason given")
     return " ".join("..." if "://" in word else word for word in line.split())[:160]

@@ -23,6 +23,9 @@ DOCKED = (
 """Flags of a window that has its place."""
 FLOATING = DOCKED | imgui.WindowFlags_.always_auto_resize
 PASSIVE = FLOATING | imgui.WindowFlags_.no_inputs
+LIT = tuple((slot, theme.ACCENT) for slot in (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active)) + (
+    (imgui.Col_.text, theme.ACCENT_TEXT),)  # fmt: skip
+"""Colours of a button that is switched on: the same under the pointer."""
 MARGIN = 14.0
 _LABEL = 92.0
 
@@ -188,15 +191,16 @@ def setting(settings: Settings, name: str, text: str, style: Theme, *, disabled:
 
 
 def icon_button(icon: str, explained: str, style: Theme, *, side: float, lit: bool = False) -> bool:
-    """A square button without an edge.  icon: of kit.icons, with imgui's ``##name``.  side: pixels."""
-    imgui.push_style_color(imgui.Col_.button, theme.ACCENT if lit else theme.NOTHING)
-    if lit:
-        imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
+    """A square button without an edge.  icon: of kit.icons, with imgui's ``##name``.  side: pixels.  lit: it stays so under the
+    pointer, which rests on it after the click that lit it."""
+    colours = LIT if lit else ((imgui.Col_.button, theme.NOTHING),)
+    for slot, colour in colours:
+        imgui.push_style_color(slot, colour)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, 0))
     imgui.push_style_var(imgui.StyleVar_.frame_border_size, 0.0)
     pressed = imgui.button(icon, ImVec2(side, side))
     imgui.pop_style_var(2)
-    imgui.pop_style_color(1 + lit)
+    imgui.pop_style_color(len(colours))
     hint(explained, style)
     return pressed
 

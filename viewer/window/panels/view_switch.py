@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 from ...picture.views import VIEWS
 from ..kit import theme
 from ..kit.theme import Theme, packed
-from ..kit.widgets import DOCKED, MARGIN, hint
+from ..kit.widgets import DOCKED, LIT, MARGIN, hint
 from ..session.panel_actions import Actions
 from ..session.session import Session
 
@@ -52,8 +52,7 @@ def draw_view_switch(session: Session, actions: Actions, style: Theme) -> None:
 
 
 def _segment(text: str, width: float, height: float, style: Theme, *, lit: bool, asked: bool) -> bool:
-    colours = [(imgui.Col_.button, theme.ACCENT), (imgui.Col_.button_hovered, theme.ACCENT),
-               (imgui.Col_.button_active, theme.ACCENT), (imgui.Col_.text, theme.ACCENT_TEXT)] if lit else []  # fmt: skip
+    colours = LIT if lit else ()
     for slot, colour in colours:
         imgui.push_style_color(slot, colour)
     pressed = imgui.button(text, ImVec2(width, height))
