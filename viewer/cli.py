@@ -38,6 +38,10 @@ def _view(options: argparse.Namespace) -> int:
         from .work.project import check_projects
 
         check_projects(options.scans, ask=True)  # refused before a window opens
+    elif options.scans:
+        from .readers.meshes.mesh_formats import scans_and_meshes
+
+        scans_and_meshes(options.scans)  # meshes alone likewise
     if options.scans:
         _preload()
     from .window.shell.run_window import run

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pointglass.viewer.picture.clip import contains
-from pointglass.viewer.render.meshes.shade_loops import AMBIENT, LAMP, SMOOTH
+from pointglass.viewer.render.meshes.shade_loops import AMBIENT, LAMP
 
 
 def nearest(camera, layer, mesh, clips=()):
@@ -44,9 +44,7 @@ def colours(camera, layer, mesh, number, weights):
     for row, column in np.argwhere(number >= 0):
         face, share = number[row, column], weights[row, column]
         own = np.cross(corners[face, 1] - corners[face, 0], corners[face, 2] - corners[face, 0])
-        own /= np.linalg.norm(own)
-        round_about = mesh.normals[mesh.faces[face]] @ turned.T
-        normal = share @ np.where((round_about @ own < SMOOTH)[:, None], own, round_about)
+        normal = share @ (mesh.normals[face] @ turned.T)
         way = camera.ray((column + 0.5, row + 0.5))[1]
         falls = normal @ lamp / np.linalg.norm(normal) * (-1 if own @ way > 0 else 1)
         base = mesh.rgb[mesh.faces[face]].astype(float) if layer.colour is None else np.tile(layer.colour, (3, 1))

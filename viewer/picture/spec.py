@@ -74,11 +74,8 @@ class PictureSpec:
         return other is not None and self._values(composed=False) == other._values(composed=False)
 
     def _values(self, *, composed: bool = True) -> tuple:
-        values = {each.name: self.camera.key if each.name == "camera" else getattr(self, each.name) for each in fields(self)
-                  if composed or "composed" not in each.metadata}
-        if not composed and self.edits.meshes:  # laid over what was rendered, which must have the depth for it
-            values["edits"] = replace(self.edits, meshes=()), self.shows_meshes
-        return tuple(values.values())
+        return tuple(self.camera.key if each.name == "camera" else getattr(self, each.name) for each in fields(self)
+                     if composed or "composed" not in each.metadata)
 
     @property
     def shows_meshes(self) -> bool:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ..common.errors import InputError
 from ..picture.meshes.mesh_layer import MeshLayer
 from ..readers.meshes.mesh_data import MeshData
@@ -31,6 +33,26 @@ def assumed(layer: MeshLayer, mesh: MeshData) -> str:
         unit = "metres" if layer.scale == 1.0 else f"metres, {layer.scale:g} units of the scan each"
         return f"{mesh.format}: y is up, {unit}, as the format states"
     return f"{mesh.format} states neither axes nor unit: z is taken for up, and the scan's unit"
+
+
+def found_mesh(layer: MeshLayer, folder: Path) -> MeshLayer:
+    """The mesh of a project, with the path of the file of its name in the project's folder where it is not at its own."""
+    beside = folder / layer.name
+    return replace(layer, path=str(beside)) if not os.path.isfile(layer.path) and beside.is_file() else layer
+
+
+def bounds_of(layer: MeshLayer, mesh: MeshData) -> np.ndarray:
+    """(2, 3) float64, the document's coordinates: lowest and highest corner of the box around the mesh's own box."""
+    low, high = mesh.bounds
+    corners = np.array([[(low, high)[at >> axis & 1][axis] for axis in range(3)] for at in range(8)])
+    placed = corners @ layer.matrix[:3, :3].T + layer.matrix[:3, 3]
+    return np.stack([placed.min(axis=0), placed.max(axis=0)])
+
+
+def apart(bounds: np.ndarray, others: np.ndarray) -> float:
+    """The distance between two boxes, (2, 3) each; 0 where they meet."""
+    gap = np.maximum(bounds[0] - others[1], others[0] - bounds[1])
+    return float(np.linalg.norm(np.maximum(gap, 0.0)))
 
 
 def located(layers: Iterable[MeshLayer], given: Sequence[Path], folders: Iterable[Path], picture: Path

@@ -23,6 +23,7 @@ from ..picture.json_values import from_json, to_json
 from ..readers.remote.address import address_in, is_address
 from ..readers.remote.local_copies import local_file
 from .document import Document, ScanFile, with_whole_names
+from .laid_meshes import found_mesh
 from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
 SUFFIX = ".pointglass"
@@ -122,7 +123,8 @@ def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
             _told.add((path, there))
             _log.warning("%s: its scan %s is not there any more; found as %s", path, scan.path, there)
         found.append((dataclasses.replace(scan, path=there), place))
-    return dataclasses.replace(document, scans=tuple(scan for scan, _ in found)), {scan.path: place for scan, place in found}
+    scans, meshes = tuple(scan for scan, _ in found), tuple(found_mesh(layer, path.parent) for layer in document.meshes)
+    return dataclasses.replace(document, scans=scans, meshes=meshes), {scan.path: place for scan, place in found}
 
 
 def scans_of(path: Path, document: Document) -> list[Path]:
@@ -192,4 +194,5 @@ def with_paths(document: Document, change: typing.Callable[[str], str]) -> Docum
         settings = dataclasses.replace(settings, weights=change(settings.weights))
     notes = tuple(dataclasses.replace(note, picture=change(note.picture)) if note.picture else note
                   for note in document.annotations)
-    return dataclasses.replace(document, scans=scans, settings=settings, annotations=notes)
+    meshes = tuple(dataclasses.replace(layer, path=change(layer.path)) for layer in document.meshes)
+    return dataclasses.replace(document, scans=scans, settings=settings, annotations=notes, meshes=meshes)

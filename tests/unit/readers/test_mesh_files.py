@@ -9,6 +9,7 @@ import trimesh
 from PIL import Image
 
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.readers.meshes.mesh_data import mesh_data
 from pointglass.viewer.readers.meshes.mesh_file import read_mesh
 from pointglass.viewer.readers.meshes.mesh_formats import scans_and_meshes
 
@@ -34,7 +35,18 @@ def test_each_format_gives_the_triangles_at_their_places(tmp_path, name, seed):
     assert len(mesh.faces) == 12 + len(ball.faces)
     assert area(mesh) == pytest.approx(box.area + ball.area, rel=1e-5)
     assert mesh.bounds[1] == pytest.approx(np.maximum(box.bounds[1], ball.bounds[1]), abs=1e-5)
-    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1.0, abs=1e-5)
+    assert np.linalg.norm(mesh.normals, axis=2) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_pipe_is_smooth_and_an_edge_is_sharp():
+    pipe, box = trimesh.creation.cylinder(1.0, 4.0, sections=12), trimesh.creation.box()
+    mesh = mesh_data(pipe.vertices, pipe.faces)
+    outwards = pipe.vertices[pipe.faces] * (1, 1, 0)
+    cap = np.abs(pipe.face_normals[:, 2]) > 0.5
+    assert mesh.normals[cap] == pytest.approx(np.repeat(pipe.face_normals[cap][:, None], 3, axis=1), abs=1e-6)
+    assert mesh.normals[~cap] == pytest.approx(outwards[~cap] / np.linalg.norm(outwards[~cap], axis=2, keepdims=True), abs=0.07)
+    sharp = mesh_data(box.vertices, box.faces)
+    assert sharp.normals == pytest.approx(np.repeat(box.face_normals[:, None], 3, axis=1), abs=1e-6)
 
 
 def test_coordinates_of_an_obj_far_from_zero_keep_every_digit(tmp_path):

@@ -4,6 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ....model.common.process.processors import in_rows
+from .normal_loops import corner_normals
+
+_MANY = 1 << 14
+"""Faces of a thread at least."""
 PLAIN = (200, 200, 205)
 """sRGB of a mesh whose file has no colours."""
 
@@ -30,8 +35,8 @@ class Textures:
 
 @dataclass(frozen=True, eq=False)
 class MeshData:
-    """vertices: (V, 3) float64, the file's coordinates.  faces: (F, 3) int32.  normals: (V, 3) float32 mean normals of the
-    faces around a place, zero where there is none.  rgb: (V, 3) uint8 sRGB.  format: of its file.  checksum: as of MeshLayer.
+    """vertices: (V, 3) float64, the file's coordinates.  faces: (F, 3) int32.  normals: (F, 3, 3) float32 at the corners
+    of faces.  rgb: (V, 3) uint8 sRGB.  format: of its file.  checksum: as of MeshLayer.
     notes: what was assumed or left out, in words."""
 
     vertices: np.ndarray
@@ -81,26 +86,27 @@ def mesh_data(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray | None = 
     if not finite.all():
         vertices = np.where(finite, vertices, vertices[faces[0, 0]])
     colours = np.broadcast_to(np.array(PLAIN, np.uint8), vertices.shape) if rgb is None else rgb
-    return MeshData(vertices, faces, vertex_normals(vertices, faces, across), np.ascontiguousarray(colours, np.uint8),
+    return MeshData(vertices, faces, smooth_normals(vertices, faces, across), np.ascontiguousarray(colours, np.uint8),
                     coloured=rgb is not None, textures=textures, **more)
 
 
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """(V, 3) float32, unit: the mean of the normals of the faces around each place, by their angles there, so that it does not
-    depend on how a surface is cut into triangles; vertices at one place share it.  across: (F, 3) along each face's normal."""
+def smooth_normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) float32 unit normals at the corners of faces, as viewer.readers.meshes.normal_loops; vertices at one place
+    count as one.  across: (F, 3) along each face's normal."""
     order = np.lexsort(vertices.T)
     ordered = vertices[order]
     first = np.ones(len(order), bool)
     first[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    place = np.empty(len(order), np.int64)
-    place[order] = np.cumsum(first) - 1
-    sums = np.zeros((int(first.sum()), 3))
-    normals = across / np.linalg.norm(across, axis=1, keepdims=True)
+    of_vertex = np.empty(len(order), np.int64)
+    of_vertex[order] = np.cumsum(first) - 1
+    place = of_vertex[faces.ravel()]
+    starts = np.concatenate([[0], np.cumsum(np.bincount(place, minlength=int(first.sum())))])
+    angle = np.empty(faces.shape)
     for corner in range(3):
-        at, here = place[faces[:, corner]], vertices[faces[:, corner]]
+        here = vertices[faces[:, corner]]
         one, other = (vertices[faces[:, (corner + step) % 3]] - here for step in (1, 2))
-        angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1))
-        for axis in range(3):
-            sums[:, axis] += np.bincount(at, angle * normals[:, axis], len(sums))
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    return (sums / np.where(length > 0, length, 1.0)).astype(np.float32)[place]
+        angle[:, corner] = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1))
+    normals = np.empty((len(faces), 3, 3), np.float32)
+    in_rows(len(faces), _MANY, corner_normals, across / np.linalg.norm(across, axis=1, keepdims=True), angle, starts,
+            np.argsort(place, kind="stable"), place, normals)
+    return normals

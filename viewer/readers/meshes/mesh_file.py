@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     import trimesh
 
 LARGEST = 2 << 30
-"""Bytes of a mesh file and of each file that it names: a choice; three times the largest of 20 million triangles as STL."""
-MOST_TRIANGLES = 20_000_000
-"""They take 2 GB of memory."""
+"""Bytes of a mesh file and of each file that it names: a choice; four times 10 million triangles as STL."""
+MOST_TRIANGLES = 10_000_000
+"""They take 1 GB of memory, and two more while they are read."""
 _log = logging.getLogger(__name__)
 
 

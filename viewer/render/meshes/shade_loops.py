@@ -1,8 +1,6 @@
 """Compiled loop that colours the pixels of a mesh: the file's colour or picture at the place, shaded by one lamp.
 
 The lamp stands at the camera, a little above and to its left, so that walls at a right angle differ.  Normals are two-sided.
-A corner has the mean normal of the faces around it where this is within SMOOTH of the face's own normal; else the face's own:
-pipes and terrain are smooth, edges of boxes sharp.
 """
 
 import numpy as np
@@ -14,8 +12,6 @@ LAMP = (-0.30, -0.45, -0.84113)
 """Towards the lamp, view frame (x right, y down, z forward), unit length: chosen by eye on a box, a pipe and a terrain."""
 AMBIENT = 0.35
 """Share of a colour where no light falls."""
-SMOOTH = 0.85
-"""Cosine of 32 degrees: the half angle of a pipe of 6 sides is 30, that of an edge at a right angle 45."""
 
 
 @compiled(nogil=True)
@@ -71,7 +67,7 @@ def shade_rows(view, faces, to_view, normals, rgb, of_face, uv, texels, levels, 
                     base[channel] = 0.0
                     for corner in range(3):
                         base[channel] += weight[corner] * rgb[faces[face, corner], channel]
-            light = _light(view, faces[face], to_view, normals, weight, x, y, parallel, found)
+            light = _light(view, faces[face], to_view, normals[face], weight, x, y, parallel, found)
             word = np.uint32(alpha) << np.uint32(24)
             for channel in range(3):
                 value = np.uint32(min(base[channel] * light + 0.5, 255.0))
@@ -85,17 +81,13 @@ def _light(view, face, to_view, normals, weight, x, y, parallel, found):
     a, b, c = view[face[0]], view[face[1]], view[face[2]]
     ux, uy, uz, vx, vy, vz = b[0] - a[0], b[1] - a[1], b[2] - a[2], c[0] - a[0], c[1] - a[1], c[2] - a[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    nx, ny, nz = nx / length, ny / length, nz / length
     away = nz if parallel else nx * x + ny * y + nz
     found[0], found[1], found[2] = 0.0, 0.0, 0.0
     for corner in range(3):
-        normal = normals[face[corner]]
+        normal = normals[corner]
         mx = to_view[0, 0] * normal[0] + to_view[0, 1] * normal[1] + to_view[0, 2] * normal[2]
         my = to_view[1, 0] * normal[0] + to_view[1, 1] * normal[1] + to_view[1, 2] * normal[2]
         mz = to_view[2, 0] * normal[0] + to_view[2, 1] * normal[1] + to_view[2, 2] * normal[2]
-        if mx * nx + my * ny + mz * nz < SMOOTH:
-            mx, my, mz = nx, ny, nz
         found[0] += weight[corner] * mx
         found[1] += weight[corner] * my
         found[2] += weight[corner] * mz

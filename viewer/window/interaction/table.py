@@ -11,6 +11,7 @@ from .fly import Fly
 from .inspect_point import InspectPoint, UnderPointer
 from .measuring.drawing import Measurements
 from .measuring.measure import Measure
+from .meshes.mesh_tool import Meshes
 from .notes.note_markers import NoteMarkers
 from .notes.notes_tool import Notes
 from .registering.align_tool import Align
@@ -23,8 +24,8 @@ from .toolbox import Toolbox
 from .what_is_real import WhatIsReal
 
 TOOLS: tuple[type[Tool], ...] = (
-    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, Compare, WhatIsReal, Film,
-    SceneSettings,
+    Fly, InspectPoint, Measure, Notes, Select, ClipTool, SectionTool, Colours, Stations, Align, Compare, Meshes, WhatIsReal,
+    Film, SceneSettings,
 )  # fmt: skip
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, NoteMarkers, AttributeLegend)
 

@@ -5,7 +5,7 @@ imgui-bundle ships the typeface; :class:`Theme` adds it to both fonts of the int
 
 FLY, INSPECT, MEASURE, CLIP = "\uf1d8", "\uf05b", "\uf545", "\uf1b2"
 SECTION, COLOURS, STATIONS, PROVENANCE = "\uf568", "\uf53f", "\uf21d", "\uf058"
-FILM, SCENE, NOTE, ALIGN, SELECT, COMPARE = "\uf008", "\uf013", "\uf249", "\uf0b2", "\uf5ee", "\uf1da"
+FILM, SCENE, NOTE, ALIGN, SELECT, COMPARE, MESH = "\uf008", "\uf013", "\uf249", "\uf0b2", "\uf5ee", "\uf1da", "\uf1ad"
 """Of the tools."""
 HOME, FRAME, SIDES, ORTHOGRAPHIC = "\uf015", "\uf065", "\uf1b3", "\uf00a"
 """Of viewpoints: the start, the whole scene, from a side, parallel rays."""

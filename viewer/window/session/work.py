@@ -17,6 +17,7 @@ from ...picture.point_sets import PointLevels
 from ...picture.settings import Settings
 from ...preprocess.scan_description import ScanDescription
 from ...readers.e57.e57_photographs import StationPhoto
+from ...readers.meshes.mesh_formats import scans_and_meshes
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measuring.measurement import Begun
@@ -62,6 +63,7 @@ class DocumentState:
     photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
     exact_points: picked points of the work whose values are being read from their files.
+    arriving_meshes: mesh files that are to be read and laid beside the scan once it is there.
     begun: the measurement that is not ended yet, None where there is none.
     reference_problem: why the assigned reference system cannot be used, None where it can.
     set_aside: numbers of stations that a tool does not draw for the moment; changes: levels of points that a comparison shows,
@@ -77,6 +79,7 @@ class DocumentState:
         self.tint = False
         self.tint_rows: list[tuple[tuple[int, int, int], str]] = []
         self.under_pointer: Picked | None = None
+        self.arriving_meshes: list[Path] = []
         self.exact_points = ExactPoints()
         self.begun: Begun | None = None
         self.photo: ShownPhoto | None = None
@@ -154,9 +157,11 @@ class DocumentState:
         """Scans, or one project, are to be opened, or the scans of an autosave.  Returns the scans to read: of a project those
         that are visible.
 
-        Raises InputError where a project is damaged, holds no visible scan, or is not alone; MissingScans where scans are not
+        Raises InputError where a project is damaged, holds no visible scan, or is not alone, and for meshes without a scan;
+        MissingScans where scans are not
         there and nobody has located them.
         """
+        self.arriving_meshes = []
         if recovered is not None:
             opening = opening_of(recovered)
             document, scans = self._located(opening.project or recovered.file, opening.document)
@@ -164,8 +169,9 @@ class DocumentState:
             return scans
         project = project_among(paths)
         if project is None:
-            self._next = Opening(Document(tuple(ScanFile(str(path)) for path in paths)))
-            return list(paths)
+            files, self.arriving_meshes = scans_and_meshes(paths)
+            self._next = Opening(Document(tuple(ScanFile(str(path)) for path in files)))
+            return files
         digest, saved = digest_of(project), read_project(project)
         document, scans = self._located(project, saved)
         self._next = Opening(document, project, digest, saved)

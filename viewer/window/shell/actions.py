@@ -241,10 +241,11 @@ def _escape(app: Host) -> None:
 
 def _open_scans(app: Host) -> None:
     from ...readers.formats import FORMATS
+    from ...readers.meshes.mesh_formats import MESH_FORMATS
 
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
-    app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,)},
-                   app.open, many=True)
+    app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,),
+                                                           "Meshes": tuple(MESH_FORMATS)}, app.open, many=True)
 
 
 def _add_scans(app: Host) -> None:

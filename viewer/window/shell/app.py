@@ -21,6 +21,7 @@ from ...readers.remote.address import is_address
 from ..file_dialog.choice_window import ChoiceWindow
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.gamepad import POLL, STILL, Gamepad
+from ..interaction.meshes.arriving_meshes import scans_of_opened
 from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
 from ..kit.chosen_button import ChosenButton
@@ -170,7 +171,9 @@ class App:
         self.actions.do(action)
 
     def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
-        """Opens scans or a project instead of what is open, once that is saved or given up."""
+        """Opens scans or a project instead of what is open, once that is saved or given up; meshes alone join it."""
+        if not (paths := scans_of_opened(self.session, paths)):
+            return
         view = self.last_view(paths) if start is None else None
         self.projects.leave(lambda: self.session.open(paths, start, view=view))
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...picture.composition import joined
+from ...readers.meshes.mesh_store import kept_mesh
 from ...render.described_picture import Composer, picture_of, render
 from ...render.passes.develop import read_picture
 from .planned_picture import as_planned
@@ -48,7 +49,7 @@ class SidePictures:
 
     def __init__(self, context: "moderngl.Context"):
         self._context = context
-        self._composers = Composer(context), Composer(context)
+        self._composers = Composer(context, kept_mesh), Composer(context, kept_mesh)
         self._textures: dict[tuple[int, str], moderngl.Texture] = {}
         self._buffer: moderngl.Buffer | None = None
         self._plan: Plan | None = None

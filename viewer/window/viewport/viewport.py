@@ -14,6 +14,7 @@ from ...common.errors import DeviceError, DeviceLostError, PointglassError
 from ...picture.background import composite
 from ...picture.composition import joined, split_column
 from ...picture.settings import Memory
+from ...readers.meshes.mesh_store import kept_mesh
 from ...render.culling.occlusion import Occlusion
 from ...render.described_picture import Composer, render
 from ...render.passes.develop import read_picture
@@ -59,7 +60,7 @@ class Viewport:
 
         self.context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
-        self._composer = Composer(context)
+        self._composer = Composer(context, kept_mesh)
         self.pixels = PixelReader(context)
         self.photos = PhotoLayer(context, self.pixels)
         self.sides = SidePictures(context)

@@ -1,0 +1,1 @@
+"""Meshes beside the scan: reading them, their list and their controls."""
