@@ -9,10 +9,11 @@ import pytest
 from pointglass.viewer.common.rigid_transform import rigid, rotation_about
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.clip import Box, Slab
+from pointglass.viewer.picture.meshes.clip_rows import clip_rows
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.readers.meshes.mesh_data import mesh_data
-from pointglass.viewer.render.meshes.mesh_layers import clip_rows, composed, draw_meshes
-from pointglass.viewer.render.meshes.mesh_loops import ray_hit
+from pointglass.viewer.readers.meshes.ray_loops import ray_hit
+from pointglass.viewer.render.meshes.mesh_layers import composed, draw_meshes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from plain_mesh_picture import colours, nearest

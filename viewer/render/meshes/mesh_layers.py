@@ -12,7 +12,8 @@ import numpy as np
 
 from ....model.common.process.processors import in_rows
 from ...picture.camera import Camera
-from ...picture.clip import Clip, active, group, normals
+from ...picture.clip import Clip
+from ...picture.meshes.clip_rows import clip_rows
 from ...picture.meshes.mesh_layer import MeshLayer
 from ...readers.meshes.mesh_data import MeshData
 from .mesh_loops import nearest_rows, triangle_boxes, view_places
@@ -59,8 +60,8 @@ def draw_meshes(camera: Camera, layers: tuple[MeshLayer, ...], clips: tuple[Clip
 
 def draw_mesh(camera: Camera, layer: MeshLayer, mesh: MeshData, cut: tuple[np.ndarray, np.ndarray], alpha: int,
               number: np.ndarray, colour: np.ndarray, depth: np.ndarray) -> None:
-    """Draws one mesh into ``colour`` and ``depth`` where it is nearer.  cut: of :func:`clip_rows`.  number: (H, W) int32, all
-    -1 before and after."""
+    """Draws one mesh into ``colour`` and ``depth`` where it is nearer.  cut: of clip_rows.  number: (H, W) int32, all -1
+    before and after."""
     matrix = layer.matrix
     turned = camera.view_rotation @ matrix[:3, :3]
     to_view = np.column_stack([turned, camera.view_rotation @ (matrix[:3, 3] - camera.position)])
@@ -74,18 +75,6 @@ def draw_mesh(camera: Camera, layer: MeshLayer, mesh: MeshData, cut: tuple[np.nd
     in_rows(camera.height, _FEW, shade_rows, view, mesh.faces, turned / layer.scale, mesh.normals, mesh.rgb, pictures.of_face,
             pictures.uv, pictures.texels, pictures.levels, lens, chosen, alpha, number, colour)
     number.fill(-1)
-
-
-def clip_rows(clips: tuple[Clip, ...], rotation: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Clips as viewer.render.meshes.mesh_loops.clip_keeps reads them: (K, 3, 4) float64 and (K,) int64, in the frame of a
-    (3, 3) rotation from the document's and of its origin (3,) there."""
-    used = active(clips)
-    rows, groups = np.zeros((len(used), 3, 4)), np.array([group(clip) for clip in used], np.int64)
-    for number, clip in enumerate(used):
-        planes = normals(clip)
-        rows[number, :, :3] = planes @ rotation.T
-        rows[number, :, 3] = planes @ (origin - np.array(clip.centre))
-    return rows, groups
 
 
 def composed(picture: np.ndarray, depth: np.ndarray, meshes: MeshLayers) -> np.ndarray:

@@ -17,8 +17,10 @@ from ...work.measuring.measure_text import unit_name
 from ...work.measuring.measurement import MeasuredPoint
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
 from ...work.places.pick import Kept, Picked, pick, surface_around
+from ...work.places.pick_mesh import ON_MODEL
 from ...work.selection import Selection
 from ..kit.worker import Worker
+from .meshes.seen_mesh import seen_mesh
 
 if TYPE_CHECKING:
     from ...render.frame import Frame
@@ -129,9 +131,10 @@ def points_in_sight(context: "ToolContext") -> Selection | None:
 
 class Pointing:
     """Finds measured points under the pointer, in the depth and the mask of the last picture.  Whether that is at rest, so that
-    it tells what a click means, WaitingClicks knows."""
+    it tells what a click means, WaitingClicks knows.  meshes: whether places on meshes count, where one is seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, meshes: bool = False) -> None:
+        self._meshes = meshes
         self._last: tuple[tuple[Frame, float, tuple[float, float]], Picked | None] | None = None
 
     def at(self, context: "ToolContext", position: tuple[float, float] | None, radius: float = RADIUS, *,
@@ -153,8 +156,11 @@ class Pointing:
         camera = context.camera
         scale = height / camera.height
         sized = camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
-        found = pick(scene, sized, mask, depth, (position[0] * scale, position[1] * scale),
-                     radius=context.pixels(radius) * scale, kept=points_at(context, position))
+        at = position[0] * scale, position[1] * scale
+        found = seen_mesh(context, frame, sized, at, mask, depth, wait=wait) if self._meshes else None
+        if found is None:
+            found = pick(scene, sized, mask, depth, at, radius=context.pixels(radius) * scale,
+                         kept=points_at(context, position))
         self._last = (frame, radius, position), found
         return found
 
@@ -168,9 +174,11 @@ class Pointing:
 
 def measured_point(context: "ToolContext", picked: Picked) -> MeasuredPoint:
     """A picked point with the spacing and noise of the surface around it, and how far that may go on where the camera sees its
-    silhouette there."""
+    silhouette there; of a place on a mesh the place alone."""
     scene, place = context.scene, np.array(picked.position)
     assert scene is not None
+    if picked.index == ON_MODEL:  # as exact as the model
+        return MeasuredPoint(picked.position, scan=picked.station)
     around = surface_around(scene, picked.position)
     spacing = around.spacing if np.isfinite(around.spacing) else scene.spacing
     beyond = beyond_silhouette(in_scene(scene, place, drawn_points(context)), spacing, context.camera.sight_of(place))

@@ -10,6 +10,7 @@ from ...common.text import coordinate, plain
 from ...grid.records.point_marks import HAS_CLASS, marks_of
 from ...picture.colour_modes import CLASSES
 from ...work.places.pick import Picked, is_quick, surface_around
+from ...work.places.pick_mesh import ON_MODEL
 from ..kit import icons
 from ..session.exact_points import ExactPoints
 from .editing import Pointing, unit_of
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 def lines_of(picked: Picked, context: ToolContext) -> list[str]:
     """What a card says of a point: one line a fact."""
     assert context.scene is not None
-    unit, around = unit_of(context), surface_around(context.scene, picked.position)
-    x, y, z = picked.position
-    lines = [f"x {coordinate(x)}   y {coordinate(y)}   z {coordinate(z)} {unit}", f"scan: {picked.station}"]
+    unit, (x, y, z) = unit_of(context), picked.position
+    lines = [f"x {coordinate(x)}   y {coordinate(y)}   z {coordinate(z)} {unit}"]
+    if picked.index == ON_MODEL:
+        return [*lines, f"{picked.station}: not measured", f"distance from the camera: {picked.distance:.3f} {unit}"]
+    around = surface_around(context.scene, picked.position)
+    lines.append(f"scan: {picked.station}")
     if picked.intensity is not None:
         lines.append(f"intensity: {plain(picked.intensity)}")
     if (text := class_text(picked, context)) is not None:
@@ -68,7 +72,7 @@ class UnderPointer(Overlay):
     name = "point under the pointer"
 
     def __init__(self) -> None:
-        self._pointing, self._reading = Pointing(), ExactPoints()
+        self._pointing, self._reading = Pointing(meshes=True), ExactPoints()
         self._exact: tuple[weakref.ref[Scene], Picked] | None = None
 
     def follow(self, context: ToolContext) -> None:
@@ -81,7 +85,7 @@ class UnderPointer(Overlay):
             known = self._exact[1] if self._exact is not None and self._exact[0]() is scene else None
             if known is not None and known.index == found.index:
                 found = replace(known, distance=found.distance, pixel=found.pixel)
-            elif not self._reading.busy and is_quick(scene, found.index):
+            elif not (self._reading.busy or found.exact) and is_quick(scene, found.index):
                 of = weakref.ref(scene)
                 self._reading.start(context, found, lambda exact: self._arrived(of, exact))
         work.under_pointer = found
@@ -99,7 +103,7 @@ class InspectPoint(Tool):
     takes_clicks = picks = True
 
     def __init__(self) -> None:
-        self._pointing, self._reading = Pointing(), ExactPoints()
+        self._pointing, self._reading = Pointing(meshes=True), ExactPoints()
         self.picked: Picked | None = None
         self._lines: list[str] = []
         self._more: list[str] = []

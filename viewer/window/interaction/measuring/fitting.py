@@ -32,11 +32,15 @@ class Fitting:
         """Those of measurements of a kind."""
         return [point for name, point in self._waiting if name == kind]
 
-    def add(self, context: "ToolContext", kind: str, point: MeasuredPoint) -> None:
-        """A point of a measurement of a kind of KINDS."""
+    def add(self, context: "ToolContext", kind: str, point: MeasuredPoint) -> bool:
+        """A point of a measurement of a kind of KINDS.  Returns whether a surface is being fitted: not at a place on a mesh."""
+        if point.spacing == 0 and not self._waiting:
+            context.toast(f"{point.scan} is not measured here: surfaces are fitted to points")
+            return False
         if context.scene is not None:
             self._scene = weakref.ref(context.scene)
             self._waiting.append((kind, point))
+        return True
 
     def drop_last(self) -> None:
         """Takes back the last point that waits."""

@@ -51,7 +51,7 @@ class Measure(Tool):
     takes_clicks = picks = True
 
     def __init__(self) -> None:
-        self._pointing = Pointing()
+        self._pointing = Pointing(meshes=True)
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
         self._fitting, self._volumes = Fitting(), Volumes()
@@ -81,8 +81,7 @@ class Measure(Tool):
             context.toast(taken.note)
         point = measured_point(context, taken)
         if self._fitting.points or KINDS[self.kind].surface(len(self.points)) is not None:
-            self._fitting.add(context, self.kind, point)
-            self.answering = True
+            self.answering = self._fitting.add(context, self.kind, point)
         else:
             self._set(point, context)
         return False

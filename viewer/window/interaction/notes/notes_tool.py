@@ -37,7 +37,7 @@ class Notes(Tool):
     takes_clicks = picks = writes = True
 
     def __init__(self) -> None:
-        self._pointing = Pointing()
+        self._pointing = Pointing(meshes=True)
         self.chosen: int | None = None
         self._fields = NoteFields()
         self._export = NoteExport()
