@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..picture.meshes.mesh_layer import MeshLayer
 from ..readers.meshes.mesh_store import mesh_of
-from ..work.laid_meshes import assumed, located, new_layer
+from ..work.meshes.laid_meshes import assumed, located, new_layer
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene

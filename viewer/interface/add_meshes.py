@@ -47,7 +47,7 @@ class BesideMeshes:
         opacity: above 0, at most 1.  transform: (4, 4) rigid, applied last, in the scan's coordinates.
         Returns the path as ``meshes`` has it.  Raises InputError, one line, where the file is no mesh or a value is bad.
         """
-        from ..work.laid_meshes import new_layer
+        from ..work.meshes.laid_meshes import new_layer
 
         with python_names():
             layer = new_layer(path_of(path), self._open.meta.metres_per_unit)

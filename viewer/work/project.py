@@ -23,7 +23,7 @@ from ..picture.json_values import from_json, to_json
 from ..readers.remote.address import address_in, is_address
 from ..readers.remote.local_copies import local_file
 from .document import Document, ScanFile, with_whole_names
-from .laid_meshes import found_mesh
+from .meshes.laid_meshes import found_mesh
 from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
 SUFFIX = ".pointglass"

@@ -11,7 +11,7 @@ from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.readers.meshes.mesh_data import mesh_data
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.measuring.values import evaluate
-from pointglass.viewer.work.places.pick_mesh import pick_mesh
+from pointglass.viewer.work.meshes.pick_mesh import pick_mesh
 
 FAR = np.array([500_000.0, 5_400_000.0, 300.0])
 

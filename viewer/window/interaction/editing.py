@@ -15,9 +15,9 @@ from ...work.fits.measured import in_scene
 from ...work.fits.silhouette import beyond_silhouette
 from ...work.measuring.measure_text import unit_name
 from ...work.measuring.measurement import MeasuredPoint
+from ...work.meshes.pick_mesh import ON_MODEL
 from ...work.pictures.shot_metadata import camera_line, parse_camera_line
 from ...work.places.pick import Kept, Picked, pick, surface_around
-from ...work.places.pick_mesh import ON_MODEL
 from ...work.selection import Selection
 from ..kit.worker import Worker
 from .meshes.seen_mesh import seen_mesh

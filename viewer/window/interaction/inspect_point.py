@@ -9,8 +9,8 @@ import numpy as np
 from ...common.text import coordinate, plain
 from ...grid.records.point_marks import HAS_CLASS, marks_of
 from ...picture.colour_modes import CLASSES
+from ...work.meshes.pick_mesh import ON_MODEL
 from ...work.places.pick import Picked, is_quick, surface_around
-from ...work.places.pick_mesh import ON_MODEL
 from ..kit import icons
 from ..session.exact_points import ExactPoints
 from .editing import Pointing, unit_of

@@ -8,7 +8,7 @@ from ....common.text import counted
 from ....picture.meshes.mesh_layer import MOST_MESHES, MeshLayer, shown_meshes
 from ....readers.meshes.mesh_store import kept_mesh, mesh_of
 from ....work.document import replaced
-from ....work.laid_meshes import assumed, new_layer
+from ....work.meshes.laid_meshes import assumed, new_layer
 from ...kit.worker import Worker
 from ..editing import edit, end, ended, facts_of
 

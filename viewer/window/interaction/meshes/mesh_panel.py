@@ -9,7 +9,7 @@ from ....common.rigid_transform import IDENTITY, motion_text
 from ....common.text import bytes_text
 from ....picture.meshes.mesh_layer import MESH_UP_AXES, MeshLayer
 from ....readers.meshes.mesh_data import PLAIN, MeshData
-from ....work.laid_meshes import apart, assumed, bounds_of
+from ....work.meshes.laid_meshes import apart, assumed, bounds_of
 from ...kit.theme import fitted
 from ...kit.widgets import work_rows
 from ..editing import unit_of

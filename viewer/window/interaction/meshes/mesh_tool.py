@@ -14,7 +14,7 @@ from ....readers.meshes.mesh_data import MeshData
 from ....readers.meshes.mesh_formats import MESH_FORMATS
 from ....readers.meshes.mesh_store import kept_mesh
 from ....work.document import replaced, without
-from ....work.laid_meshes import bounds_of
+from ....work.meshes.laid_meshes import bounds_of
 from ....work.registration.levelling import by_numbers
 from ...kit import icons
 from ..editing import edit

@@ -7,8 +7,8 @@ import numpy as np
 from ....picture.meshes.mesh_layer import shown_meshes
 from ....picture.views import VIEWS
 from ....readers.meshes.mesh_store import kept_mesh
+from ....work.meshes.pick_mesh import pick_mesh
 from ....work.places.pick import Picked
-from ....work.places.pick_mesh import pick_mesh
 
 if TYPE_CHECKING:
     from ....picture.camera import Camera

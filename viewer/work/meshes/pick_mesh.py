@@ -14,7 +14,7 @@ from ...picture.meshes.mesh_layer import MeshLayer
 from ...readers.meshes.mesh_data import MeshData
 from ...readers.meshes.mesh_store import kept_mesh
 from ...readers.meshes.ray_loops import ray_hit
-from .pick import Picked
+from ..places.pick import Picked
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera

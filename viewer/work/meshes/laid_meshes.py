@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.errors import InputError
-from ..picture.meshes.mesh_layer import MeshLayer
-from ..readers.meshes.mesh_data import MeshData
-from ..readers.meshes.mesh_formats import IN_METRES, MESH_FORMATS
-from ..readers.meshes.mesh_store import mesh_of
+from ...common.errors import InputError
+from ...picture.meshes.mesh_layer import MeshLayer
+from ...readers.meshes.mesh_data import MeshData
+from ...readers.meshes.mesh_formats import IN_METRES, MESH_FORMATS
+from ...readers.meshes.mesh_store import mesh_of
 
 
 def new_layer(path: Path, metres_per_unit: float | None) -> MeshLayer:

@@ -1,0 +1,1 @@
+"""Meshes beside scans: new ones, those of pictures and projects found again, places on them."""
