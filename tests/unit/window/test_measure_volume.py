@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from test_tool_actions import Context, click
 
-from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.measuring.profile_graph import write_profile
-from pointglass.viewer.window.interaction.measuring.volumes import FITTED, MEAN, TYPED
+from pointglass.viewer.window.interaction.measuring.volumes import DATES, FITTED, MEAN, TYPED
 from pointglass.viewer.window.interaction.tool import KeyEvent
 from pointglass.viewer.work.measuring.measure_text import value_text, volume_text
 
@@ -70,6 +70,31 @@ def test_the_volume_inside_a_polygon_is_one_step_and_says_what_it_is_made_of(blo
     assert value_text(made, "m").endswith(" m³") and f"base at height {-5.1 if base == TYPED else -5.0:.3f} m, level" in text
     assert "cut (above)" in text and "fill (below)" in text
     assert context.session.work.undo() == "Measure volume" and context.document.measurements == ()
+
+
+def test_what_was_added_and_taken_away_between_two_dates_is_measured(block, tmp_path, seed):
+    random, paths = np.random.default_rng(seed), []
+    for name, top in (("before", 0.0), ("after", 0.3)):
+        xz = random.uniform((0, 0), (4, 3), (120_000, 2))
+        inside = (np.abs(xz - (2, 1.5)) < 0.25).all(axis=1)
+        y = 5.0 - 0.02 * xz[:, 0] - top * inside + random.normal(0, 0.002, len(xz))
+        paths.append(tmp_path / f"{name}.xyz")
+        np.savetxt(paths[-1], np.column_stack([xz[:, 0], y, xz[:, 1], np.full((len(xz), 3), 90)]), "%.4f %.4f %.4f %d %d %d")
+    context, tool = measuring(open_scene(paths, cache=False))
+    tool._volumes.base = DATES
+    polygon(context, tool)
+    ended(tool, context)
+    (made,) = context.document.measurements
+    assert made.volume is not None and made.volume.dates == ("before.xyz", "after.xyz")
+    assert abs(made.volume.fill - HEAP) <= made.volume.fill_uncertainty < 0.3 * HEAP
+    assert made.volume.cut <= made.volume.cut_uncertainty
+    assert "fill (added)" in volume_text(made, "m") and "from before.xyz to after.xyz" in volume_text(made, "m")
+    context, tool = measuring(block)
+    tool._volumes.base = DATES
+    for corner in CORNERS:
+        click(tool, context, corner)
+    tool.key_event(KeyEvent("ENTER", "press"), context)
+    assert "needs two scans" in context.toasts[-1] and len(tool.points) == 4 and not tool.answering
 
 
 def test_a_volume_is_given_up_by_esc_and_a_polygon_without_area_is_refused(block):

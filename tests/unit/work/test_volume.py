@@ -5,7 +5,7 @@ import pytest
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.work.fits.measured import in_cloud
-from pointglass.viewer.work.measuring.height_grid import MOST, measured_volume
+from pointglass.viewer.work.measuring.height_grid import MOST, measured_volume, volume_between
 from pointglass.viewer.work.measuring.volume import Volume
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -105,3 +105,51 @@ def test_polygons_that_enclose_nothing_and_empty_ones_are_refused():
                              ([[5, 5, 0], [6, 5, 0], [6, 6, 0]], "too few")):
         with pytest.raises(InputError, match=problem):
             measured_volume(points, np.array(corners, float), np.zeros(len(corners)), 0.05, UP)
+
+
+def cap(flat: np.ndarray, middle: np.ndarray, radius: float, tall: float) -> np.ndarray:
+    """Heights of a paraboloid above 0, whose volume is half that of its cylinder."""
+    return tall * np.maximum(1 - ((flat - middle) ** 2).sum(axis=1) / radius**2, 0.0)
+
+
+def two_surfaces(random) -> tuple[float, float, Volume]:
+    """True cut and fill, and the measured ones, of hilly ground from which a hollow was dug and on which a heap was put."""
+    size, noise = float(random.uniform(0.8, 2.0)), random.uniform(0.001, 0.006, 2)
+    spacing = random.uniform(0.02, 0.05, 2) * size
+    waves = random.uniform(0.05, 0.2, 2) * size
+    middles = [np.array([sign * 1.3 * size, random.uniform(-0.5, 0.5) * size]) for sign in (-1, 1)]
+    talls, radius = random.uniform(0.1, 0.6, 2) * size, size
+    clouds, shift = [], random.uniform(-1e5, 1e5, 3)
+    for date in (0, 1):
+        flat = random.uniform(-3 * size, 3 * size, (int((6 * size / spacing[date]) ** 2), 2))
+        z = waves[0] * np.sin(flat[:, 0] / size) + waves[1] * np.cos(1.3 * flat[:, 1] / size)
+        if date:
+            z += cap(flat, middles[1], radius, talls[1]) - cap(flat, middles[0], radius, talls[0])
+        clouds.append(np.column_stack([flat, z + random.normal(size=len(flat)) * noise[date]]) + shift)
+    corners = 2.6 * size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]]) + shift
+    place = corners[0]
+    found = volume_between(*(in_cloud(cloud, place, MOST) for cloud in clouds), corners - place, float(spacing.max()), UP)
+    return float(np.pi * radius**2 * talls[0] / 2), float(np.pi * radius**2 * talls[1] / 2), found
+
+
+def test_cut_and_fill_between_two_surfaces_lie_inside_what_is_stated(seed):
+    random = np.random.default_rng(seed)
+    made = [two_surfaces(random) for _ in range(12)]
+    for of, stated, truth in (
+            (lambda found: found.cut, lambda found: found.cut_uncertainty, lambda cut, fill: cut),
+            (lambda found: found.fill, lambda found: found.fill_uncertainty, lambda cut, fill: fill),
+            (lambda found: found.net, lambda found: found.uncertainty, lambda cut, fill: cut - fill)):  # fmt: skip
+        off = np.array([of(found) - truth(cut, fill) for cut, fill, found in made])
+        unsure = np.array([stated(found) for *_, found in made])
+        assert np.count_nonzero(np.abs(off) > unsure) <= OUTSIDE
+        assert np.median(unsure / [max(cut, fill) for cut, fill, _ in made]) < 0.1, "and is worth stating"
+
+
+def test_two_surfaces_of_a_registration_that_is_unsure_are_unsure_by_it(seed):
+    random = np.random.default_rng(seed)
+    clouds = [in_cloud(np.column_stack([random.uniform(-2, 2, (30_000, 2)), random.normal(0, 0.001, 30_000)]), np.zeros(3))
+              for _ in range(2)]
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
+    sure, unsure = (volume_between(*clouds, corners, 0.02, UP, registration) for registration in (0.0, 0.01))
+    assert sure.uncertainty < 0.002 and unsure.uncertainty == pytest.approx(0.01 * 4, rel=0.05)
+    assert abs(sure.net) < 0.002 and unsure.cut_uncertainty >= unsure.uncertainty * 0.9

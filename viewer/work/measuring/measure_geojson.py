@@ -43,6 +43,7 @@ def _feature(measurement: Measurement, unit: str) -> dict[str, Any]:
         facts |= {"cut": volume.cut, "cut_uncertainty_k2": volume.cut_uncertainty, "fill": volume.fill,
                   "fill_uncertainty_k2": volume.fill_uncertainty, "base_height": base_height(measurement), "area": volume.area,
                   "empty_share": volume.empty, "layered_share": volume.layered}  # fmt: skip
+        facts |= dict(zip(("before", "after"), volume.dates))
     if (fit := measurement.fit) is not None:
         facts |= {"direction": list(fit.direction), "scatter": fit.sigma, "points": fit.count}
     return {"type": "Feature", "geometry": _geometry(measurement), "properties": facts}

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...common.text import printable
 from .measurement import KINDS, Measurement
 from .planes import edge_angle
 from .values import Components, Result, evaluate
@@ -86,8 +87,12 @@ def volume_text(measurement: Measurement, unit: str) -> str:
     below = text_of(Result(volume.fill, volume.fill_uncertainty, 3), unit)
     tilt = math.degrees(math.atan(math.hypot(*volume.slope)))
     lines = [f"cut (above) {above}", f"fill (below) {below}",
-             f"base at height {base_height(measurement):.3f} {unit}, {f'{tilt:.1f}° inclined' if tilt > 0.05 else 'level'}",
-             f"{text_of(Result(volume.area, 0.0, 2), unit)} in cells of {volume.cell:.2g} {unit}, {volume.count:,} points"]
+             f"base at height {base_height(measurement):.3f} {unit}, {f'{tilt:.1f}° inclined' if tilt > 0.05 else 'level'}"]
+    if volume.dates:
+        before, after = map(printable, volume.dates)
+        lines = [f"cut (taken away) {above}", f"fill (added) {below}", f"from {before} to {after}"]
+    area = text_of(Result(volume.area, 0.0, 2), unit)
+    lines.append(f"{area} in cells of {volume.cell:.2g} {unit}, {volume.count:,} points")
     if volume.empty >= 0.005:
         lines.append(f"{100 * volume.empty:.0f} % of the area has no points: interpolated, less exact")
     if volume.layered >= 0.02:

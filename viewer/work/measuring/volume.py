@@ -3,12 +3,13 @@
 Frame: file coordinates, file units cubed; heights along the up axis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...common.errors import InputError
 from ...picture.clip import Vector
+from ...picture.json_values import UNLESS_DEFAULT
 
 _LARGEST = 1e100  # of a number in a file; its square is finite
 
@@ -19,7 +20,8 @@ class Volume:
     place: of the base, in the middle of the polygon.  slope: (3,) from the up axis to the normal of the base, whose component
     along it is 1: up + slope; zero where it is level.  area: of the polygon seen along the up axis.  cell: side of a grid cell.
     empty: share of the area without points, which was interpolated.  layered: share in which points lie on two surfaces.
-    count: of points.
+    count: of points.  dates: names of the files before and after, where it lies between their surfaces: cut is what the surface
+    after lacks, fill what it has more; () where it is above and below a base.
 
     Raises InputError where a value is no finite number, or below 0.
     """
@@ -36,12 +38,15 @@ class Volume:
     empty: float
     layered: float
     count: int
+    dates: tuple[str, ...] = field(default=(), metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         sizes = (self.cut, self.fill, self.uncertainty, self.cut_uncertainty, self.fill_uncertainty, self.area, self.cell,
                  self.empty, self.layered, self.count)  # fmt: skip
         if not (np.abs((*sizes, *self.place, *self.slope)) < _LARGEST).all() or min(sizes) < 0:
             raise InputError("a volume has a value that is no finite number, too large, or below 0")
+        if len(self.dates) not in (0, 2):
+            raise InputError(f"a volume between {len(self.dates)} dates: expected two names, or none")
 
     @property
     def net(self) -> float:

@@ -190,8 +190,8 @@ class Measure(Tool):
             return
         points, self.points = tuple(self.points), []
         if self.kind in COMPUTED:
-            self._volumes.start(context, self.kind, points)
-            self.answering = True
+            self.answering = self._volumes.start(context, self.kind, points)
+            self.points = [] if self.answering else list(points)
         else:
             self._add(self.kind, points, context)
 

@@ -8,20 +8,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....picture.clip import vector
-from ....work.fits.measured import in_scene
-from ....work.measuring.height_grid import MOST, measured_volume
+from ....work.fits.measured import InBox, in_scene
+from ....work.measuring.height_grid import MOST, measured_volume, volume_between
 from ....work.measuring.measurement import MeasuredPoint
 from ....work.measuring.profile import WIDTH, Profile, measured_profile
 from ....work.measuring.volume import Volume
+from ....work.scan_files import files_of
+from ....work.selection import Selection
 from ...kit.worker import Worker
+from ...session.two_dates import dates_of
 from ..editing import drawn_points, unit_of
 
 if TYPE_CHECKING:
     from ..tool import ToolContext
 
 FITTED, MEAN, TYPED = "through its corners", "level, at their mean height", "level, at a height"
+DATES = "between two dates"
 BASES = {FITTED: "the plane nearest to the corners", MEAN: "level, as high as the corners are in the mean",
-         TYPED: "level, at a height that is typed, taken as exact"}  # fmt: skip
+         TYPED: "level, at a height that is typed, taken as exact",
+         DATES: "cut is what the scan after lacks of the scan before, fill is what it has more; they are those of the tool "
+                "Compare, else the first two that are open"}  # fmt: skip
 """The bases from which volumes are measured, and what each is."""
 
 
@@ -38,8 +44,9 @@ class Volumes:
         self.worker: Worker | None = None
         self.points: tuple[MeasuredPoint, ...] = ()
 
-    def start(self, context: "ToolContext", kind: str, points: tuple[MeasuredPoint, ...]) -> None:
-        """Finds the volume of the drawn points inside a polygon, or their profile; what is being found already is given up."""
+    def start(self, context: "ToolContext", kind: str, points: tuple[MeasuredPoint, ...]) -> bool:
+        """Finds the volume of the drawn points inside a polygon, or their profile; what is being found already is given up.
+        False where there are no two dates for a volume between them, which a line says."""
         self.stop()
         scene, kept, up = context.scene, drawn_points(context), np.array(context.document.up)
         assert scene is not None
@@ -50,17 +57,39 @@ class Volumes:
         if isinstance(level, float):
             level -= float(place @ up)
 
-        width = self.width
+        width, two = self.width, self._two(context, place) if kind == "volume" and self.base == DATES else None
+        if kind == "volume" and self.base == DATES and two is None:
+            context.toast("A volume between two dates needs two scans that are open together")
+            return False
 
         def work() -> Volume | Profile:
             if kind == "profile":
                 made = measured_profile(in_scene(scene, place, kept, MOST), corners - place, spacing, up, width)
                 return replace(made, heights=tuple(float(height + place @ up) for height in made.heights))
+            if two is not None:
+                (one, other), registration, names = two
+                between = volume_between(one, other, corners - place, spacing, up, registration, scene.step)
+                return replace(between, place=vector(place + between.place), dates=names)
             found = measured_volume(in_scene(scene, place, kept, MOST), corners - place, noise, spacing, up, level, scene.step)
             return replace(found, place=vector(place + found.place))
 
         self.kind, self.points = kind, points
         self.worker = Worker(work, f"Measuring the {kind}", context.wake)
+        return True
+
+    def _two(self, context: "ToolContext", place: np.ndarray) -> "tuple[list[InBox], float, tuple[str, str]] | None":
+        """The points of both dates around a place, how unsure their registration is, and their names; None where there are no
+        two."""
+        scene, session = context.scene, context.session
+        assert scene is not None
+        parts = files_of(scene)
+        if len(parts) < 2 or not all(part.apart for part in parts):
+            return None
+        comparison = context.document.comparison
+        dates = session.work.dates or dates_of(parts, 0, 1)
+        clouds = [in_scene(scene, place, Selection.in_sight(scene, replace(edits, changes=None)).keeps, MOST)
+                  for edits in dates.edits(session.work.shown_edits)]
+        return clouds, 0.0 if comparison is None else comparison.registration, dates.names
 
     def stop(self) -> None:
         """Gives up what is being found."""
