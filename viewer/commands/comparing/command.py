@@ -17,9 +17,11 @@ from ...work.comparing.compare import METHODS, Distances, compare
 from ...work.comparing.distance_statistics import Statistics, statistics_of
 from ...work.comparing.facing import TEXTS, facing_of
 from ...work.measuring.measure_text import unit_name
+from ...work.project import moves_of, read_project
 from ..options import add_columns
 from . import distances_csv, distances_laz, distances_picture
 from .read_cloud import Cloud, check_together, moves_in, opened, read_cloud
+from .scan_and_model import compared_with_model, model_among, read_model
 
 FILES = (distances_laz.NAME, distances_csv.NAME, distances_picture.NAME)
 
@@ -29,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("before", type=Path, metavar="BEFORE", help="the scan with which the other one is compared: "
                         f"{KNOWN_FILES} file, {KNOWN_FOLDERS} folder, or a folder of scans")  # fmt: skip
     parser.add_argument("after", type=Path, metavar="AFTER",
-                        help="the scan whose points get distances; both must have the same coordinates")
+                        help="the scan whose points get distances; both must have the same coordinates.  One of both may be a "
+                             "mesh (glTF, OBJ, STL, PLY with faces): the points of the scan get signed distances from it")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help=f"folder for {FILES[0]} (points of AFTER with distance and uncertainty), {FILES[1]} (statistics, "
                              f"histogram) and {FILES[2]}")
@@ -53,9 +56,10 @@ def run(options: argparse.Namespace) -> int:
         if value is not None and not (np.isfinite(value) and (value > 0 or value == least)):
             raise InputError("expected a length in the unit of the scans", option=name, value=value)
     paths = options.before, options.after
-    moves = None if options.project is None else moves_in(options.project, list(paths))
+    with_model = model_among(*paths)
+    moves = None if options.project is None or with_model else moves_in(options.project, list(paths))
     lines = write_comparison(*paths, options.out, method=options.method, registration=options.registration, limit=options.limit,
-                             moves=moves, columns=options.columns,
+                             moves=moves, columns=options.columns, project=options.project,
                              assumed=lambda line: print(f"pointglass: {line}", file=sys.stderr))  # fmt: skip
     for line in lines:
         print(line)
@@ -64,20 +68,32 @@ def run(options: argparse.Namespace) -> int:
 
 
 def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: str, registration: float, limit: float | None,
-                     moves: Moves | None, columns: str | None = None, assumed: Callable[[str], object] = lambda line: None
-                     ) -> list[str]:
-    """Compares two scans and writes FILES into the folder ``out``.  Returns what it found, lines for a person.
+                     moves: Moves | None, columns: str | None = None, assumed: Callable[[str], object] = lambda line: None,
+                     project: Path | None = None) -> list[str]:
+    """Compares two scans, or a scan with a mesh, and writes FILES into the folder ``out``.  Returns what it found, lines for a
+    person.
 
-    limit: where the colours end; None: chosen by the changes.  moves: transformations of the scans.  assumed: is told what is
-    taken for granted of units.  Raises InputError; Cancelled where progress is.
+    limit: where the colours end; None: chosen by the changes.  moves: transformations of the scans; project: where a mesh may
+    have been moved.  assumed: is told what is taken for granted of units.  Raises InputError; Cancelled where progress is.
     """
-    (sources, meta), (other_sources, other_meta) = (opened(path, columns, moves) for path in (before_path, after_path))
+    model = model_among(before_path, after_path)
+    if model is not None:
+        after_path, before_path = model
+        if project is not None:
+            moves = moves_of(read_project(project).scans)
+    (sources, meta), (other_sources, other_meta) = (opened(path, columns, moves) for path in (
+        after_path if model else before_path, after_path))
     for line in check_together(before_path, meta, after_path, other_meta):
         assumed(line)
     _refuse_own_files(out, [Path(name) for name in (*meta.sources, *other_meta.sources)])
     with out_folder(out):  # before minutes of work
-        before, after = read_cloud(before_path, sources, meta), read_cloud(after_path, other_sources, other_meta)
-        distances = compared(before, after, method=method, registration=registration)
+        after = read_cloud(after_path, other_sources, other_meta)
+        if model is not None:
+            before = read_model(before_path, other_meta, project, assumed)
+            distances = compared_with_model(before, after, registration)
+        else:
+            before = read_cloud(before_path, sources, meta)
+            distances = compared(before, after, method=method, registration=registration)
         found = statistics_of(distances.distance, distances.uncertainty, limit)
         unit = unit_name(other_meta.metres_per_unit or meta.metres_per_unit)
         with replaced_told(out / name for name in FILES):

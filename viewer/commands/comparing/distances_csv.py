@@ -33,7 +33,8 @@ def rows_of(before: Cloud, after: Cloud, distances: Distances, found: Statistics
         ("noise before (standard deviation)", distances.before.noise, unit),
         ("noise after (standard deviation)", distances.after.noise, unit), ("search depth", sizes.depth, unit),
         *([("core points", distances.cores, ""), ("normal scale D", sizes.scale, unit), ("cylinder diameter d", sizes.diameter,
-          unit)] if distances.method == "m3c2" else [("plane radius", sizes.radius, unit)]),
+          unit)] if distances.method == "m3c2" else []),
+        *([("plane radius", sizes.radius, unit)] if distances.method == "c2c" else []),
         ("registration uncertainty (95 %)", distances.registration, unit),
     ]  # fmt: skip
     share = found.known / found.count if found.count else float("nan")

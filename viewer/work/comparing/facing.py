@@ -12,7 +12,8 @@ import numpy as np
 STEEP = 0.17
 """Upward part of a unit normal below which a surface counts as upright: 80 degrees and steeper.  Chosen by hand."""
 TEXTS = {"station": "towards the scanner", "nearest": "towards the nearest scanner of the scan before",
-         "up": "up, and at walls away from the middle of the scan before"}  # fmt: skip
+         "up": "up, and at walls away from the middle of the scan before",
+         "model": "outside the model, by the orientation of its triangles"}  # fmt: skip
 """Rule -> what positive means, for a person."""
 
 

@@ -1,0 +1,64 @@
+"""``pointglass compare SCAN MODEL``: signed distances of points from a box whose distance field is known."""
+
+import laspy
+import numpy as np
+import pytest
+import trimesh
+
+from pointglass.viewer.cli import main
+from pointglass.viewer.common.rigid_transform import rigid, rotation_about
+from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
+from pointglass.viewer.work.comparing.model_distances import distances_from_model
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
+
+FAR = np.array([500_000.0, 5_400_000.0, 300.0])
+HALF = np.array([2.0, 1.5, 1.0])
+
+
+def field(places):
+    """Signed distance from the box around the origin."""
+    outside = np.abs(places) - HALF
+    return np.linalg.norm(np.maximum(outside, 0), axis=1) + np.minimum(outside.max(axis=1), 0)
+
+
+def on_box(random, count):
+    """Points on its surface, with the normal of the side of each."""
+    places = random.uniform(-1, 1, (count, 3)) * HALF
+    side, axis = random.choice([-1.0, 1.0], count), random.integers(0, 3, count)
+    places[np.arange(count), axis] = side * HALF[axis]
+    normals = np.zeros((count, 3))
+    normals[np.arange(count), axis] = side
+    return places, normals
+
+
+def test_distances_are_those_of_the_distance_field(seed):
+    random = np.random.default_rng(seed)
+    places, _ = on_box(random, 20_000)
+    places += random.uniform(-0.05, 0.05, places.shape)
+    box = trimesh.creation.box(2 * HALF)
+    found = distances_from_model(box.vertices + FAR, np.asarray(box.faces), places + FAR)
+    assert found.distance == pytest.approx(field(places), abs=2e-7)
+
+
+def test_the_command_finds_a_shift_of_three_millimetres_and_says_how_sure_it_is(tmp_path, seed, capsys):
+    random = np.random.default_rng(seed)
+    places, normals = on_box(random, 60_000)
+    places += normals * 0.003 + random.normal(0, 0.002, (len(places), 1)) * normals
+    turn = rotation_about(np.array((0.0, 0.0, 1.0)), 20.0)
+    np.savetxt(tmp_path / "scan.xyz", places @ turn.T + FAR, "%.5f")
+    trimesh.creation.box(2 * HALF).export(tmp_path / "box.obj")
+    scan, model, out = tmp_path / "scan.xyz", tmp_path / "box.obj", tmp_path / "out"
+    document = Document((ScanFile(str(scan)),), meshes=(MeshLayer(str(model), transform=rigid(turn, FAR)),))
+    write_project(tmp_path / "p.pointglass", document)
+    assert main(["compare", str(scan), str(model), "--project", str(tmp_path / "p.pointglass"), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "outside the model" in said
+    points = laspy.read(out / "distances.laz")
+    distance, unsure = np.array(points["distance"]), np.array(points["uncertainty"])
+    middle = (np.abs(np.column_stack([points.x, points.y, points.z]) - FAR) @ np.abs(turn) < 10).all(axis=1)
+    assert len(distance) == len(places) and np.median(distance) == pytest.approx(0.003, abs=1e-4)
+    assert 0.93 < (np.abs(distance - 0.003) < unsure)[middle].mean() < 0.97
+    assert main(["compare", str(model), str(model), "--out", str(out)]) == 2
+    assert main(["compare", str(scan), str(model), "--out", str(out)]) == 2  # without the project they lie far apart
+    assert capsys.readouterr().err.strip().endswith("up axis")

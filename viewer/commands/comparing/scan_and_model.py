@@ -1,0 +1,48 @@
+"""``pointglass compare SCAN MODEL``: distances of a scan's points from a mesh."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ...common.errors import InputError
+from ...preprocess.scan_description import ScanDescription
+from ...readers.meshes.mesh_formats import is_mesh
+from ...readers.meshes.mesh_store import mesh_of
+from ...work.comparing.compare import Distances
+from ...work.comparing.model_distances import distances_from_model
+from ...work.meshes.laid_meshes import assumed, new_layer
+from ...work.project import read_project
+from .read_cloud import Cloud
+
+
+def model_among(before: Path, after: Path) -> tuple[Path, Path] | None:
+    """The scan and the model, in either order; None where both are scans.  Raises InputError where both are models."""
+    models = [is_mesh(path) for path in (before, after)]
+    if all(models) and any(path.suffix.lower() != ".ply" for path in (before, after)):
+        raise InputError("is a mesh, as is the other file: a scan is compared with a model", file=after)
+    if sum(models) != 1:
+        return None
+    return (after, before) if models[0] else (before, after)
+
+
+def read_model(path: Path, meta: ScanDescription, project: Path | None, told: Callable[[str], object]) -> Cloud:
+    """The model as a cloud of its corners, in the scan's coordinates.  meta: of the scan.  project: where it may have been
+    moved.  Raises InputError."""
+    layer = new_layer(path, meta.metres_per_unit)
+    known = () if project is None else read_project(project).meshes
+    laid = [one for one in known if Path(one.path).resolve() == path.resolve()]
+    if laid:
+        layer = laid[0]
+    else:
+        told(f"{path.name}: {assumed(layer, mesh_of(layer.path))}")
+    matrix = layer.matrix
+    vertices = mesh_of(layer.path).vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return Cloud(path, [], vertices, np.zeros(len(vertices), np.uint16), np.zeros((0, 3)), 0, meta)
+
+
+def compared_with_model(model: Cloud, scan: Cloud, registration: float) -> Distances:
+    """Distances of the scan's points.  Raises InputError; Cancelled."""
+    if len(scan.xyz) < 100:
+        raise InputError(f"has {len(scan.xyz):,} points, at least 100 are compared", file=scan.path)
+    return distances_from_model(model.xyz, mesh_of(str(model.path)).faces, scan.xyz, registration=registration)

@@ -1,0 +1,78 @@
+"""Signed distances of the points of a scan from a model of triangles, with the uncertainty of each.
+
+Open3D finds the triangle nearest to each point; the distance to it is computed in float64.  Positive is the side to which the
+triangle's normal points; at edges and corners the mean normal of the faces around decides (Baerentzen and Aanaes 2005).  Where
+the triangles of a model are not oriented alike, the sign says nothing.
+Frame: the scan's coordinates, float64; its units.
+"""
+
+import numpy as np
+
+from ....model.common.process.processors import in_rows
+from ...common.errors import InputError
+from ...common.progress import progress
+from .cloud_scale import CloudScale, scale_of, sizes_for
+from .compare import COVERAGE, Distances
+from .triangle_loops import nearest_weights
+
+METHOD, RULE = "c2m", "model"
+_BLOCK = 1 << 18
+"""Points between two looks at progress."""
+_LEAST_ROWS = 1 << 12
+
+
+def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarray, *, registration: float = 0.0) -> Distances:
+    """Distances of (n, 3) points from the triangles ``faces`` (F, 3) of (V, 3) vertices.
+
+    The uncertainty is that of the scan's noise and of the registration (95 %); the model counts as exact.  Points farther away
+    than the search depth have no distance.  Raises InputError where nothing of the scan is near the model; Cancelled.
+    """
+    import open3d as o3d
+
+    origin = (xyz.min(axis=0) + xyz.max(axis=0)) / 2
+    points, corners = xyz - origin, (vertices - origin)[faces]
+    scale = scale_of(points - points.min(axis=0))
+    depth = sizes_for(scale).depth
+    rays = o3d.t.geometry.RaycastingScene()
+    rays.add_triangles(o3d.core.Tensor((vertices - origin).astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    around = mean_normals(vertices, faces, across)
+    distance = np.empty(len(points))
+    with progress(len(points), "comparing", "point") as meter:
+        for start in range(0, len(points), _BLOCK):
+            some = points[start : start + _BLOCK]
+            found = rays.compute_closest_points(o3d.core.Tensor(some.astype(np.float32)))["primitive_ids"].numpy()
+            distance[start : start + len(some)] = _signed(some, corners[found], across[found], around[faces[found]])
+            meter.update(len(some))
+    distance[np.abs(distance) > depth] = np.nan
+    if not np.isfinite(distance).any():
+        raise InputError(f"no point of the scan is within {depth:.3g} of the model",
+                         remedy="check that both have the same coordinates and up axis")
+    unsure = np.full(len(points), COVERAGE * scale.noise + registration)
+    sizes = sizes_for(scale)
+    return Distances(distance, unsure, METHOD, sizes, CloudScale(0.0, 0.0), scale, len(points), registration, RULE)
+
+
+def _signed(points: np.ndarray, corners: np.ndarray, across: np.ndarray, around: np.ndarray) -> np.ndarray:
+    """(n,) distances from the triangles (n, 3, 3), positive along ``across`` (n, 3); around: (n, 3, 3) at their corners."""
+    weights = np.empty((len(points), 3))
+    in_rows(len(points), _LEAST_ROWS, nearest_weights, points, np.ascontiguousarray(corners), weights)
+    way = points - np.einsum("ij,ijk->ik", weights, corners)
+    inside = (weights > 0).all(axis=1, keepdims=True)
+    normal = np.where(inside, across, np.einsum("ij,ijk->ik", weights, around))
+    return np.linalg.norm(way, axis=1) * np.where(np.einsum("ij,ij->i", way, normal) < 0, -1.0, 1.0)
+
+
+def mean_normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """(V, 3): at each vertex the mean of the unit normals (F, 3) of the faces around its place, by their angles there."""
+    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    sums = np.zeros((int(place.max()) + 1, 3))
+    for corner in range(3):
+        here = vertices[faces[:, corner]]
+        one, other = (vertices[faces[:, (corner + step) % 3]] - here for step in (1, 2))
+        angle = np.arctan2(np.linalg.norm(np.cross(one, other), axis=1), (one * other).sum(axis=1))
+        for axis in range(3):
+            sums[:, axis] += np.bincount(place[faces[:, corner]], angle * across[:, axis], len(sums))
+    return sums[place]
