@@ -67,6 +67,14 @@ def test_colours_and_pictures_of_materials_are_kept(tmp_path):
     assert (mesh.textures.texels == (10, 200, 30)).all() and len(mesh.textures.levels[0]) == 4
 
 
+def test_pictures_that_are_neither_jpeg_nor_png_are_not_decoded(tmp_path):
+    Image.fromarray(np.full((8, 8, 3), (10, 200, 30), np.uint8)).save(tmp_path / "t.bmp")
+    (tmp_path / "m.mtl").write_text("newmtl b\nKd 0 0 1\nmap_Kd t.bmp\n")
+    (tmp_path / "m.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 0 1\n"
+                                    "vt 0 0\nvt 1 0\nvt 0 1\nusemtl b\nf 1/1 2/2 3/3\n")
+    assert len(read_mesh(tmp_path / "m.obj").textures.texels) == 0
+
+
 def test_only_files_in_the_mesh_s_own_folder_are_read(tmp_path):
     inside = tmp_path / "in"
     inside.mkdir()

@@ -9,6 +9,8 @@ from .mesh_data import Textures
 
 LONGEST = 4096
 """Pixels along a side of a picture; larger ones are reduced."""
+MOST_PIXELS = 1 << 26
+"""Of a picture before it is reduced: 200 MB as RGB."""
 MOST_TEXELS = 1 << 26
 """Of all pictures of a mesh together, 200 MB; later ones are reduced to fit."""
 
@@ -27,13 +29,20 @@ class Picture:
         return hash((id(self.image), self.tint))
 
 
+def _is_read(image: Any) -> bool:
+    """Whether a picture of which Pillow has read the head is decoded: JPEG and PNG alone, with a bound on pixels."""
+    return getattr(image, "format", None) in ("JPEG", "PNG") and image.width * image.height <= MOST_PIXELS
+
+
 def picture_of(visual: Any) -> Picture | None:
-    """The picture of a textured part, with the factor of its base colour; None where its material has none."""
+    """The picture of a textured part, with the factor of its base colour; None where its material has none that is read."""
     material = visual.material
     image = getattr(material, "baseColorTexture", None)
     if image is None:
         image = getattr(material, "image", None)
-        return None if image is None else Picture(image, (1.0, 1.0, 1.0))
+        return Picture(image, (1.0, 1.0, 1.0)) if _is_read(image) else None
+    if not _is_read(image):
+        return None
     factor = getattr(material, "baseColorFactor", None)
     tint = (1.0, 1.0, 1.0) if factor is None else tuple(float(value) / 255.0 for value in np.asarray(factor)[:3])
     return Picture(image, tint)

@@ -6,6 +6,8 @@ the triangles of a model are not oriented alike, the sign says nothing.
 Frame: the scan's coordinates, float64; its units.
 """
 
+from typing import Any, cast
+
 import numpy as np
 
 from ....model.common.process.processors import in_rows
@@ -32,9 +34,9 @@ def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarra
     origin = (xyz.min(axis=0) + xyz.max(axis=0)) / 2
     points, corners = xyz - origin, (vertices - origin)[faces]
     scale = scale_of(points - points.min(axis=0))
-    depth = sizes_for(scale).depth
+    sizes, tensor = sizes_for(scale), cast(Any, o3d.core.Tensor)
     rays = o3d.t.geometry.RaycastingScene()
-    rays.add_triangles(o3d.core.Tensor((vertices - origin).astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
+    rays.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     around = mean_normals(vertices, faces, across)
@@ -42,15 +44,14 @@ def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarra
     with progress(len(points), "comparing", "point") as meter:
         for start in range(0, len(points), _BLOCK):
             some = points[start : start + _BLOCK]
-            found = rays.compute_closest_points(o3d.core.Tensor(some.astype(np.float32)))["primitive_ids"].numpy()
+            found = rays.compute_closest_points(tensor(some.astype(np.float32)))["primitive_ids"].numpy()
             distance[start : start + len(some)] = _signed(some, corners[found], across[found], around[faces[found]])
             meter.update(len(some))
-    distance[np.abs(distance) > depth] = np.nan
+    distance[np.abs(distance) > sizes.depth] = np.nan
     if not np.isfinite(distance).any():
-        raise InputError(f"no point of the scan is within {depth:.3g} of the model",
+        raise InputError(f"no point of the scan is within {sizes.depth:.3g} of the model",
                          remedy="check that both have the same coordinates and up axis")
     unsure = np.full(len(points), COVERAGE * scale.noise + registration)
-    sizes = sizes_for(scale)
     return Distances(distance, unsure, METHOD, sizes, CloudScale(0.0, 0.0), scale, len(points), registration, RULE)
 
 
