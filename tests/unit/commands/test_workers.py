@@ -88,7 +88,7 @@ def pictures(scan, cameras, tmp_path_factory) -> dict[str, bytes]:
     return content(out)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [2, pytest.param(1, marks=pytest.mark.long), pytest.param(8, marks=pytest.mark.long)])
 def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, tmp_path, workers):
     out = tmp_path / "out"
     line = "render", scan, "--cameras", cameras, "--out", out, "--view", "filled", "--workers", workers
@@ -100,7 +100,7 @@ def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, t
     assert content(out) == pictures
 
 
-@pytest.mark.parametrize("name", ["a.mp4", "frames"])
+@pytest.mark.parametrize("name", ["a.mp4", pytest.param("frames", marks=pytest.mark.long)])
 def test_a_film_of_workers_is_that_of_one_process(scan, cameras, pictures, tmp_path, name):
     made = []
     for number, given in enumerate([[], ["--workers", 2]]):
@@ -111,6 +111,7 @@ def test_a_film_of_workers_is_that_of_one_process(scan, cameras, pictures, tmp_p
     assert made[0] == made[1] and len(made[0]) == (1 if name == "a.mp4" else 25)
 
 
+@pytest.mark.long
 def test_a_publication_of_workers_is_that_of_one_process(scan, pictures, tmp_path):
     line = "publish", scan, "--view", "filled", "--face-size", 512, "--places", 2, "--second", "none", "--out"
     assert run(*line, tmp_path / "a").returncode == 0
@@ -162,7 +163,7 @@ def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp
     assert hidden(tmp_path) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_a_signal_ends_command_and_workers_and_leaves_whole_pictures(scan, cameras, pictures, tmp_path, number):
     rng = random.Random(seed := random.getrandbits(32))
     process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
@@ -194,7 +195,7 @@ def test_an_error_in_a_worker_is_one_line_and_exit_code_2(scan, cameras, picture
 @pytest.mark.parametrize(("given", "said"), [
     (["--workers", "0"], "--workers '0': expected a number of processes from 1 to 256"),
     (["--workers", "2", "--no-cache"], "--no-cache: workers open the grid from the cache"),
-    (["--scheduler", "tcp://127.0.0.1:1"], "--scheduler 'tcp://127.0.0.1:1': "),
+    pytest.param(["--scheduler", "tcp://127.0.0.1:1"], "--scheduler 'tcp://127.0.0.1:1': ", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_what_cannot_be_distributed_is_refused(scan, cameras, tmp_path, given, said):
     ended = run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", *given)
