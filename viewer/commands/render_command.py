@@ -120,8 +120,8 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
                 count = export_pictures(renderer, specs, options.out, aux=options.aux, exposures=exposures,
                                         resume=options.resume)
     else:
-        check_aux(specs, aux=options.aux)
         tell(work.scene(workers))  # where its grid is not in the cache yet, it is built once
+        check_aux(specs, aux=options.aux)
         ready()
         with replaced_told(written), out_folder(options.out):
             count = sum(run_tasks(work, specs, workers, label="rendering", unit="picture", name=lambda spec: spec.camera.name))

@@ -19,6 +19,7 @@ _threads: list[int] = []
 """Number of threads where :func:`use_threads` has set one."""
 _most: list[int] = []
 """The limit that :func:`limit_processors` has set."""
+_sharing: list[int] = [1]
 _pools: dict[int, ThreadPoolExecutor] = {}
 """Threads of :func:`everywhere`, :func:`each` and :func:`in_rows`, by their number."""
 
@@ -30,9 +31,16 @@ def usable_processors() -> int:
     return min([found, *_most])
 
 
-def limit_processors(most: int) -> None:
-    """From now on this process takes at most ``most`` processors for its own: others that share its work have the rest."""
+def limit_processors(most: int, sharing: int = 1) -> None:
+    """From now on this process takes at most ``most`` processors for its own: it is one of ``sharing`` processes that share the
+    machine for one work."""
     _most[:] = [most]
+    _sharing[:] = [sharing]
+
+
+def sharing_processes() -> int:
+    """Processes that share this machine for one work, each with a part of its memory; 1 where this one is alone."""
+    return _sharing[0]
 
 
 def use_threads(count: int) -> None:

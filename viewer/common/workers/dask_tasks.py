@@ -53,7 +53,7 @@ def dask_results(function: bytes, tasks: Sequence[bytes], names: Sequence[str], 
         raise lost from None
     with closing(client):
         slots = _slots(client)
-        start = Start(function, 0, logging.getLogger("pointglass").getEffectiveLevel(), os.getcwd())
+        start = Start(function, 0, 1, logging.getLogger("pointglass").getEffectiveLevel(), os.getcwd())
         mark, limit = secrets.token_hex(8), len(tasks) if ahead is None else ahead + 1
 
         def begin(number: int) -> Any:
@@ -118,7 +118,7 @@ def run_task(start: Start, number: int, task: bytes, slots: dict[str, int], vers
                                          f"{version}", remedy="install one version everywhere")), []
     worker: Any = get_worker()
     count = slots.get(get_address_host(worker.address), int(worker.state.nthreads))
-    start = replace(start, threads=max(1, usable_processors() // max(count, 1)))
+    start = replace(start, threads=max(1, usable_processors() // max(count, 1)), processes=max(count, 1))
     said: list[Said] = []
     for deaths in range(1, MOST_DEATHS + 1):
         with _process(start) as process, _watched(worker, process):

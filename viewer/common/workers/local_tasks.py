@@ -53,7 +53,7 @@ class _Pool:
     def __init__(self, function: bytes, tasks: Sequence[bytes], names: Sequence[str], count: int, ahead: int | None):
         threads = max(1, usable_processors() // count)
         level = logging.getLogger("pointglass").getEffectiveLevel()
-        self._start = Start(function, threads, level, os.getcwd())
+        self._start = Start(function, threads, count, level, os.getcwd())
         self._tasks, self._names, self._ahead = tasks, names, ahead
         self.results: queue.SimpleQueue[Done | BaseException] = queue.SimpleQueue()
         self._waiting, self._deaths, self._wanted = deque(range(len(tasks))), [0] * len(tasks), 0

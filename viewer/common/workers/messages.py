@@ -19,11 +19,12 @@ _LENGTH = struct.Struct("<Q")
 
 @dataclass(frozen=True)
 class Start:
-    """function: pickled, see run_tasks.  threads: processors that the worker may use.  level: of the log, as in ``logging``.
-    folder: in which relative paths begin."""
+    """function: pickled, see run_tasks.  threads: processors that the worker may use.  processes: that share the machine.
+    level: of the log, as in ``logging``.  folder: in which relative paths begin."""
 
     function: bytes
     threads: int
+    processes: int
     level: int
     folder: str
 

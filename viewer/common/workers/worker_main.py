@@ -64,7 +64,7 @@ def main() -> None:
     data = tasks.get()
     if data is not None:
         start: Start = pickle.loads(data)
-        limit_processors(start.threads)
+        limit_processors(start.threads, start.processes)
         _report_to(say, start.level)
         _work(start, tasks, busy, say)
     leave(0)

@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ....model.common.process.processors import sharing_processes
 from ....model.common.system import available_memory
 from .context import describe_device
 from .gl_functions import integers
@@ -59,4 +60,5 @@ def point_budget(context: "moderngl.Context", *, software: bool | None = None) -
     memory = free_memory(context, software=software)
     if memory.free is None:
         return UNKNOWN_BUDGET, f"{memory.source}: fixed"
-    return memory.free // POINTS_SHARE, f"1/{POINTS_SHARE} of the free memory ({memory.source})"
+    share = POINTS_SHARE * sharing_processes()
+    return memory.free // share, f"1/{share} of the free memory ({memory.source})"
