@@ -59,8 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="render each picture N times wider and higher and average it, 1 to 4 (default 1)")
     parser.add_argument("--background", choices=["black", "plain", "gradient", "sky"], default="black",
                         help="what is shown where there is no surface (default black)")
-    parser.add_argument("--resume", action="store_true", help="with a folder: keep the frames that are there")
-    add_workers(parser, "frames")
+    parser.add_argument("--resume", action="store_true",
+                        help="keep the frames that are there; those of a video lie in FILE.mp4.frames until it is encoded, so "
+                             "that an interrupted one goes on with the same line")
+    add_workers(parser)
 
 
 def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None, seconds: float | None = None,
@@ -153,14 +155,18 @@ def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate
 
 def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool) -> str:
     from .encode import write_folder, write_mp4
+    from .resumed_video import write_resumed_mp4
 
-    size = maker.size
-    if out.suffix.lower() in MP4:
-        fps = Fraction(rate).limit_denominator(1001)
+    size, fps = maker.size, Fraction(rate).limit_denominator(1001)
+    if out.suffix.lower() in MP4 and not resume:
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
     made_of = ingredients(scene, cameras, maker.settings, panorama=maker.panorama, supersample=maker.supersample,
                           background=maker.background, edits=maker.edits)
+    if out.suffix.lower() in MP4:
+        made = write_resumed_mp4(out, cameras, maker.picture, size=size, fps=fps, made_of=made_of)
+        kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
+        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}{kept}"
     made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume,
                         describe=partial(describe, scene, maker))
     return folder_line(out, len(cameras), made)
@@ -168,8 +174,6 @@ def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rat
 
 def check(options: argparse.Namespace) -> None:
     """Raises InputError for options that do not fit together, before the scan is read."""
-    if options.resume and options.out.suffix.lower() in MP4:
-        raise InputError(f"{options.out} is a single file and starts anew", option="--resume", remedy="give a folder to --out")
     if options.out.suffix.lower() not in MP4 and options.out.suffix and not options.out.is_dir():
         raise InputError(f"{options.out.suffix} is not written", option="--out", value=options.out,
                          remedy="give a name ending in .mp4, or a folder")
@@ -190,6 +194,9 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
                               stay=options.stay, ease=options.ease)
 
     if workers is not None:
+        if options.resume and options.out.suffix.lower() in MP4:
+            raise InputError(f"{options.out}: frames that workers make are kept in a folder only", option="--resume",
+                             remedy="give a folder to --out")
         from .distributed_film import film_by_workers
 
         print(film_by_workers(options, settings, cameras, rate, workers))

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....commands.film.command import MP4, film
-from ....common.errors import InputError
+from ....commands.film.resumed_video import remove_frames
+from ....common.errors import Cancelled, InputError
 from ....picture.edits import NO_EDITS, Edits
 from ....picture.settings import Settings
 from ....work.ghosts import prepared
@@ -33,18 +34,23 @@ class FilmJob:
     edits: Edits = NO_EDITS
 
     def render(self) -> str:
-        """Makes the film; a folder is continued where it holds frames of the same film.  Returns what was made, in words.
+        """Makes the film; frames of the same film that are there are kept: those of a folder, and of a video that a crash
+        interrupted.  Returns what was made, in words.
 
         Raises PointglassError.
         """
         if self.scene is None or not self.cameras:
             raise InputError("a film needs a scan and a keyframe", remedy="add a keyframe first")
         if self.out.suffix.lower() not in MP4:
-            return self._render(self.scene, resume=True)
+            return self._render(self.scene)
         with name_kept(self.out):
-            return self._render(self.scene, resume=False)
+            try:
+                return self._render(self.scene)
+            except Cancelled:
+                remove_frames(self.out)
+                raise
 
-    def _render(self, scene: "Scene", *, resume: bool) -> str:
+    def _render(self, scene: "Scene") -> str:
         from ....render.device.context import create_context
         from ....render.renderer import Renderer
 
@@ -58,7 +64,7 @@ class FilmJob:
             renderer = Renderer(context, scene)
             try:
                 return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
-                            supersample=self.supersample, background=self.background, edits=self.edits, resume=resume)
+                            supersample=self.supersample, background=self.background, edits=self.edits, resume=True)
             except OSError as error:  # of the folder's record
                 raise unwritable(self.out, error) from None
             finally:
