@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true",
                         help="keep the frames that are there; those of a video lie in FILE.mp4.frames until it is encoded, so "
                              "that an interrupted one goes on with the same line")
-    add_workers(parser)
+    add_workers(parser, "frames")
 
 
 def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None, seconds: float | None = None,
