@@ -11,12 +11,14 @@ import pytest
 
 from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.commands.exporting.formats.splat_spz import fraction_bits, packed_quaternions
+from pointglass.viewer.commands.exporting.splat_export import SPLATS, Placed
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.edits import NO_EDITS
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.selection import Selection, clips_of
+from pointglass.viewer.work.splats.make_splats import splats_of_points
 from pointglass.viewer.work.splats.splat_cloud import SH0, matrices_of
 
 FILES = ("room.glb", "room.spz", "splats.ply")
@@ -186,6 +188,39 @@ def test_a_glb_begins_as_the_format_says(tmp_path):
     assert all(view["byteOffset"] % 4 == 0 for view in document["bufferViews"])
     assert struct.unpack("<I4s", data[20 + length : 28 + length]) == (document["buffers"][0]["byteLength"], b"BIN\0")
     assert len(data) == 28 + length + document["buffers"][0]["byteLength"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_change_of_colours_by_direction_is_read_by_other_libraries(tmp_path, seed, name):
+    """A scan of two stations, one of which saw everything redder: from the side of either a splat has its colours."""
+    gsply = pytest.importorskip("gsply")
+    rng = np.random.default_rng(seed)
+    flat, station = rng.random((12_000, 2)) * 4, rng.integers(0, 2, 12_000)
+    xyz = np.c_[flat, rng.normal(0, 0.001, 12_000)]
+    rgb = np.where(station[:, None] == 1, [190, 120, 120], [130, 120, 120]).astype(np.uint8)
+    places = np.array([[0.0, 2, 1.5], [4, 2, 1.5]])
+    splats = splats_of_points(xyz, np.c_[rgb, np.ones(len(xyz), np.uint8)], 2000, places, station=station)
+    target = SPLATS[name if name == "splats.ply" else f".{name.partition('.')[2]}"]
+    target.write(tmp_path / name, splats.turned(target.axes), Placed(np.eye(3, 4), {}), lambda _: None)
+    if name == "room.glb":
+        pygltflib = pytest.importorskip("pygltflib")
+        glb = pygltflib.GLTF2().load(str(tmp_path / name))
+        prefix, attributes = "KHR_gaussian_splatting:SH_DEGREE_", vars(glb.meshes[0].primitives[0].attributes)
+        columns = [np.frombuffer(glb.binary_blob(), np.float32, 3 * len(splats), glb.bufferViews[
+            glb.accessors[attributes[f"{prefix}{end}"]].bufferView].byteOffset).reshape(-1, 3)
+            for end in ("0_COEF_0", "1_COEF_0", "1_COEF_1", "1_COEF_2")]  # fmt: skip
+        sh0, sh1 = columns[0], np.stack(columns[1:], axis=1)
+    else:
+        data = (gsply.read_spz if name == "room.spz" else gsply.plyread)(tmp_path / name)
+        sh0, sh1 = np.asarray(data.sh0), np.asarray(data.shN).reshape(len(splats), 3, 3)
+    for place, red in zip(places, (130, 190)):
+        way = (splats.xyz + splats.origin - place) @ target.axes.T
+        x, y, z = (way / np.linalg.norm(way, axis=1, keepdims=True)).T
+        harmonics = 0.4886025119029199 * np.stack([-y, z, -x], axis=1)  # of the extension and of the published renderer
+        seen = 0.5 + SH0 * sh0 + np.einsum("no,nok->nk", harmonics, sh1)
+        middle = (np.abs(splats.xyz + splats.origin - [2, 2, 0]) < [1, 1, 1]).all(axis=1)
+        assert np.abs(seen[middle].mean(axis=0) * 255 - [red, 120, 120]).max() < 16  # between both without: 30
+        assert np.abs(seen - splats.seen(place - splats.origin)).max() < 0.04
 
 
 GLTF_FLOAT, GLTF_BYTE = 5126, 5121

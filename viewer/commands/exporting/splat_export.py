@@ -25,7 +25,7 @@ from .formats.splat_spz import write_splat_spz
 from .losses import Losses
 
 BUDGET, LEAST_BUDGET, MOST_BUDGET = 2_000_000, 1_000, 32_000_000
-"""Splats of a file: the default, which browsers draw; and limits.  GLB holds 67 million of 64 bytes."""
+"""Splats of a file: the default, which browsers draw; and limits.  GLB holds 42 million of 100 bytes."""
 NAME = "splats.ply"
 """A PLY whose name ends so holds splats, any other measured points unless ``--splats`` is given."""
 _DOWN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -36,7 +36,7 @@ _UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 @dataclass(frozen=True)
 class SplatTarget:
-    """name: in help and messages.  bytes: of a splat, about.  axes: from a world whose z is up to the file's frame.
+    """name: in help and messages.  bytes: of a splat of degree 1, about.  axes: from a world whose z is up to the file's frame.
     write: called with path, splats in the file's frame, Placed, and what is called with the number of splats written."""
 
     name: str
@@ -67,9 +67,9 @@ def _write_spz(path: Path, splats: Splats, _: Placed, advance: Callable[[int], N
 
 
 SPLATS: dict[str, SplatTarget] = {
-    ".glb": SplatTarget("GLB", 64, _UP, _write_glb),
-    ".spz": SplatTarget("SPZ", 14, _UP, _write_spz),
-    NAME: SplatTarget("PLY", 72, _DOWN, _write_ply),
+    ".glb": SplatTarget("GLB", 100, _UP, _write_glb),
+    ".spz": SplatTarget("SPZ", 18, _UP, _write_spz),
+    NAME: SplatTarget("PLY", 108, _DOWN, _write_ply),
 }
 """End of a file's name -> its format of splats."""
 

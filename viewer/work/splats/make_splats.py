@@ -16,6 +16,7 @@ from .splat_budget import NEAR, centres_of, choose, distances, errors_of
 from .splat_cells import Level, levels_of
 from .splat_cloud import Splats
 from .splat_shapes import shapes_of
+from .view_colours import CELL, view_colours
 
 MOST_POINTS = 24_000_000
 """Points that are held at a time: 1.5 GB of memory with their order.  Of more a random part is used."""
@@ -28,11 +29,12 @@ _GREY = np.array([0.299, 0.587, 0.114])
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """xyz: (n, 3) float64 file coordinates.  coloured: (n, 4) uint8, sRGB and 1 where the point has a colour.  share: of the
-    points in sight, 0..1."""
+    """xyz: (n, 3) float64 file coordinates.  coloured: (n, 4) uint8, sRGB and 1 where the point has a colour.  station:
+    (n,) uint8, rows of Scene.station_places.  share: of the points in sight, 0..1."""
 
     xyz: np.ndarray
     coloured: np.ndarray
+    station: np.ndarray
     share: float
 
 
@@ -41,6 +43,7 @@ def gather(selection: Selection, most: int = MOST_POINTS) -> Gathered:
     rng = np.random.default_rng(0)
     places: list[np.ndarray] = []
     tints: list[np.ndarray] = []
+    stands: list[np.ndarray] = []
     ranks: list[np.ndarray] = []
     share, held = 1.0, 0
     for block in selection.blocks("reading"):
@@ -51,6 +54,7 @@ def gather(selection: Selection, most: int = MOST_POINTS) -> Gathered:
         tint[:, 3] = tint[:, :3].any(axis=1) if selection.scene.unlit else 1
         places.append(block.xyz[kept])
         tints.append(tint)
+        stands.append(block.station[kept])
         ranks.append(rank[kept])
         held += len(tint)
         while held > most:
@@ -58,12 +62,13 @@ def gather(selection: Selection, most: int = MOST_POINTS) -> Gathered:
             for number, rank in enumerate(ranks):
                 keep = rank < share
                 places[number], tints[number], ranks[number] = places[number][keep], tints[number][keep], rank[keep]
+                stands[number] = stands[number][keep]
             held = sum(len(rank) for rank in ranks)
     if not held:
         low, high = ([f"{value:.3f}" for value in corner] for corner in selection.scene.bounds)
         raise InputError("the clips and what is hidden leave no point; the scan lies between "
                          f"{','.join(low)} and {','.join(high)} (file coordinates)")
-    return Gathered(np.concatenate(places), np.concatenate(tints), share)
+    return Gathered(np.concatenate(places), np.concatenate(tints), np.concatenate(stands), share)
 
 
 def splats_of(selection: Selection, budget: int) -> tuple[Splats, Gathered]:
@@ -76,19 +81,19 @@ def splats_of(selection: Selection, budget: int) -> tuple[Splats, Gathered]:
         raise InputError("splats need coordinates with a unit of length, these are degrees", file=scene.meta.title,
                          remedy="export the scan with --reproject auto first, and splats from that file")
     points = gather(selection)
-    stations = scene.station_places
-    stations = stations[np.isfinite(stations).all(axis=1)] if len(stations) else np.zeros((0, 3))
-    noise = scene.noise
+    stations, noise = scene.station_places, scene.noise
     found = splats_of_points(points.xyz, points.coloured, budget, stations,
-                             None if noise is None or not noise.neighbourhoods else noise.at)
+                             None if noise is None or not noise.neighbourhoods else noise.at, station=points.station)
     return found, points
 
 
-def splats_of_points(xyz: np.ndarray, coloured: np.ndarray, budget: int, viewpoints: np.ndarray, colour_noise=None) -> Splats:
+def splats_of_points(xyz: np.ndarray, coloured: np.ndarray, budget: int, viewpoints: np.ndarray, colour_noise=None, *,
+                     station: np.ndarray | None = None) -> Splats:  # fmt: skip
     """At most ``budget`` splats of points.
 
     xyz: (n, 3) float64, n >= 1.  coloured: (n, 4) uint8, sRGB and 1 where the point has a colour.  viewpoints: (s, 3), where
-    scanners stood.  colour_noise: gives the (k,) standard deviations of luma at places (k, 3) for points of luma (k,), as
+    scanners stood, NaN where unknown.  station: (n,) their rows, by which colours change with the direction of view; None: they
+    do not.  colour_noise: gives the (k,) standard deviations of luma at places (k, 3) for points of luma (k,), as
     NoiseModel.at; None: colours have no noise.
     """
     low, high = xyz.min(axis=0), xyz.max(axis=0)
@@ -98,7 +103,7 @@ def splats_of_points(xyz: np.ndarray, coloured: np.ndarray, budget: int, viewpoi
     with progress(0, "sorting", "point"):
         levels = levels_of(local, coloured, side, CELLS_PER_SPLAT * budget)
     noises = [np.zeros(len(level)) if colour_noise is None else _noise_of(level, low, colour_noise) for level in levels]
-    stands = viewpoints - low
+    stands = viewpoints[np.isfinite(viewpoints).all(axis=1)] - low
     reach = 1.0
     if len(stands):
         reach = max(NEAR * float(np.median(distances(centres_of(levels[0]), stands))), 1e-9)
@@ -113,8 +118,14 @@ def splats_of_points(xyz: np.ndarray, coloured: np.ndarray, budget: int, viewpoi
             parts.append((made.centre + (low - origin), made.deviations, _quaternions(made.axes), made.rgb, made.opacity,
                           level.places[some.cells, 0]))
     centre, deviations, rotation, rgb, opacity, counts = (np.concatenate(column) for column in zip(*parts))
+    turning = None
+    if station is not None:
+        with progress(0, "view dependence", "splat"):
+            turning = view_colours(xyz, coloured, station, viewpoints, CELL * (scale.spacing or side), centre + origin)
+    if turning is not None:
+        rgb = rgb - turning.offset
     return Splats(centre, np.maximum(deviations, 1e-9).astype(np.float32), rotation.astype(np.float32), rgb.astype(np.float32),
-                  opacity.astype(np.float32), counts.astype(np.uint32), origin)
+                  opacity.astype(np.float32), counts.astype(np.uint32), origin, None if turning is None else turning.slope)
 
 
 def _noise_of(level: Level, low: np.ndarray, colour_noise) -> np.ndarray:

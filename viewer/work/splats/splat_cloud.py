@@ -6,6 +6,8 @@ import numpy as np
 
 SH0 = 0.28209479177387814
 """Value of the spherical harmonic of degree 0: colour = 0.5 + SH0 * coefficient (Kerbl et al. 2023)."""
+SH1 = 0.4886025119029199
+"""Factor of the spherical harmonics of degree 1: -y, z and -x of the direction from the eye."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,8 +16,9 @@ class Splats:
 
     xyz: (n, 3) float64, centres relative to ``origin``.  scale: (n, 3) float32, standard deviations along the axes of each,
     > 0.  rotation: (n, 4) float32, unit quaternions w, x, y, z, from the axes of each to the frame.  rgb: (n, 3) float32, sRGB
-    0..1.  opacity: (n,) float32, 0..1.  points: (n,) uint32, how many measured points each stands for.
-    origin: (3,) float64, file coordinates of the frame's zero.  Unit: that of the file.
+    0..1, of degree 0; with ``slope`` it may leave that range.  opacity: (n,) float32, 0..1.  points: (n,) uint32, how many
+    measured points each stands for.  origin: (3,) float64, file coordinates of the frame's zero.  Unit: that of the file.
+    slope: (n, 3, 3) float32, [axis, channel], change of rgb by the unit direction from the eye; None: there is none.
     """
 
     xyz: np.ndarray
@@ -25,6 +28,7 @@ class Splats:
     opacity: np.ndarray
     points: np.ndarray
     origin: np.ndarray
+    slope: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.xyz)
@@ -33,6 +37,25 @@ class Splats:
     def sh0(self) -> np.ndarray:
         """(n, 3) float32 coefficients of the spherical harmonic of degree 0."""
         return ((self.rgb - 0.5) / SH0).astype(np.float32)
+
+    @property
+    def degree(self) -> int:
+        """Of the spherical harmonics, 0 or 1."""
+        return 0 if self.slope is None else 1
+
+    def sh1(self, some: slice = slice(None)) -> np.ndarray:
+        """(k, 3, 3) float32 coefficients of degree 1, [order -1, 0, 1; channel]; zeros where there is no slope."""
+        if self.slope is None:
+            return np.zeros((len(self.xyz[some]), 3, 3), np.float32)
+        return self.slope[some][:, [1, 2, 0]] * np.array([-1, 1, -1], np.float32)[:, None] / np.float32(SH1)
+
+    def seen(self, eye: np.ndarray) -> np.ndarray:
+        """(n, 3) colours from an eye (3,) in the frame of the splats."""
+        if self.slope is None:
+            return self.rgb
+        way = self.xyz - eye
+        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        return np.maximum(self.rgb + np.einsum("na,nak->nk", way, self.slope), 0)
 
     def normals(self, some: slice = slice(None)) -> np.ndarray:
         """(k, 3) float64 unit vectors across the planes of splats, of either sign: their third axes."""
@@ -43,8 +66,9 @@ class Splats:
         that of the file."""
         turn = quaternion_of(axes)
         rotation = product(np.broadcast_to(turn, self.rotation.shape), self.rotation).astype(np.float32)
+        slope = None if self.slope is None else np.einsum("ab,nbk->nak", axes, self.slope).astype(np.float32)
         return replace(self, xyz=factor * self.xyz @ np.asarray(axes).T, scale=(self.scale * factor).astype(np.float32),
-                       rotation=rotation)
+                       rotation=rotation, slope=slope)
 
 
 def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:

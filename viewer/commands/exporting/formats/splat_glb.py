@@ -35,6 +35,8 @@ def write_splat_glb(path: Path, splats: Splats, extras: dict[str, Any], generato
         (f"{EXTENSION}:SCALE", "VEC3", FLOAT, 12, lambda some: splats.scale[some].astype("<f4")),
         (f"{EXTENSION}:OPACITY", "SCALAR", FLOAT, 4, lambda some: splats.opacity[some].astype("<f4")),
         (f"{EXTENSION}:SH_DEGREE_0_COEF_0", "VEC3", FLOAT, 12, lambda some: splats.sh0[some].astype("<f4")),
+        *((f"{EXTENSION}:SH_DEGREE_1_COEF_{order}", "VEC3", FLOAT, 12,
+           lambda some, order=order: splats.sh1(some)[:, order].astype("<f4")) for order in range(3 * splats.degree)),
         ("_POINTS", "SCALAR", FLOAT, 4, lambda some: splats.points[some].astype("<f4")),
     ]
     accessors: list[dict[str, Any]] = []

@@ -16,8 +16,10 @@ from ....work.splats.splat_cloud import Splats
 MARK = "pointglass splats"
 FRAME = "frame "
 """Begins the comment with the matrix."""
-_COLUMNS = ("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0",
-            "rot_1", "rot_2", "rot_3")  # fmt: skip
+_FIRST = ("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2")
+_REST = tuple(f"f_rest_{number}" for number in range(9))
+"""Of degree 1, where splats have it: the three coefficients of red, of green, of blue."""
+_LAST = ("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3")
 _BLOCK = 1 << 18
 """Splats written at a time: 19 MB."""
 
@@ -28,8 +30,9 @@ def write_splat_ply(path: Path, splats: Splats, to_scan: np.ndarray, about: list
     numbers = " ".join(repr(float(value)) for value in np.asarray(to_scan).ravel())
     texts = [MARK, FRAME + numbers, *(text.encode("ascii", "replace").decode().replace("\n", " ") for text in about)]
     head = "".join(f"comment {text}\n" for text in texts)
-    fields = "".join(f"property float {name}\n" for name in _COLUMNS)
-    kinds = np.dtype([(name, "<f4") for name in _COLUMNS])
+    names = (*_FIRST, *(_REST if splats.degree else ()), *_LAST)
+    fields = "".join(f"property float {name}\n" for name in names)
+    kinds = np.dtype([(name, "<f4") for name in names])
     with path.open("wb") as file:
         file.write(f"ply\nformat binary_little_endian 1.0\n{head}element vertex {len(splats)}\n{fields}"
                    f"element provenance {len(splats)}\nproperty uint points\nend_header\n".encode())
@@ -38,9 +41,11 @@ def write_splat_ply(path: Path, splats: Splats, to_scan: np.ndarray, about: list
             rows = np.zeros(len(splats.xyz[some]), kinds)
             opacity = splats.opacity[some].astype(np.float64)
             given = np.concatenate([
-                splats.xyz[some], splats.normals(some), splats.sh0[some], np.log(opacity / (1 - opacity))[:, None],
-                np.log(splats.scale[some]), splats.rotation[some]], axis=1)  # fmt: skip
-            for column, name in enumerate(_COLUMNS):
+                splats.xyz[some], splats.normals(some), splats.sh0[some],
+                *([splats.sh1(some).transpose(0, 2, 1).reshape(-1, 9)] if splats.degree else []),
+                np.log(opacity / (1 - opacity))[:, None], np.log(splats.scale[some]), splats.rotation[some],
+            ], axis=1)  # fmt: skip
+            for column, name in enumerate(names):
                 rows[name] = given[:, column]
             rows.tofile(file)
             advance(len(rows))

@@ -16,6 +16,8 @@ from ....work.splats.splat_cloud import Splats
 MAGIC, VERSION = 0x5053474E, 3
 COLOUR = 0.15
 """Colour byte / 255 = 0.5 + COLOUR * coefficient of degree 0."""
+HARMONIC = 128.0
+"""Byte of a coefficient of degree 1 = HARMONIC * (1 + coefficient), [order; channel]."""
 MOST = 10_000_000
 """Splats that the format's own reader takes."""
 _FINEST, _COARSEST = 20, 0
@@ -47,10 +49,11 @@ def write_splat_spz(path: Path, splats: Splats, advance) -> None:
     columns = (lambda some: _fixed(splats.xyz[some], bits), lambda some: _byte(splats.opacity[some] * 255.0),
                lambda some: _byte((splats.sh0[some] * COLOUR + 0.5) * 255.0),
                lambda some: _byte((np.log(splats.scale[some]) + 10) * 16),
-               lambda some: packed_quaternions(splats.rotation[some]))
+               lambda some: packed_quaternions(splats.rotation[some]),
+               *([lambda some: _byte(splats.sh1(some) * HARMONIC + HARMONIC)] if splats.degree else []))
     done = 0
     with path.open("wb") as file:
-        file.write(packer.compress(struct.pack("<IIIBBBB", MAGIC, VERSION, len(splats), 0, bits, 0, 0)))
+        file.write(packer.compress(struct.pack("<IIIBBBB", MAGIC, VERSION, len(splats), splats.degree, bits, 0, 0)))
         for number, column in enumerate(columns, 1):
             for start in range(0, len(splats), _BLOCK):
                 file.write(packer.compress(column(slice(start, start + _BLOCK)).tobytes()))
