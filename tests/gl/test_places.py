@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 from clouds import camera_in, room
 
+from pointglass.viewer.common.paths import cache_dir
 from pointglass.viewer.grid.build_scene import build_scene, in_memory
+from pointglass.viewer.grid.cache import load_folder, mapped
 from pointglass.viewer.grid.density_layers import Lattice
+from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
+from pointglass.viewer.grid.place.join_grids import joined
 from pointglass.viewer.grid.place.open_place import open_place
 from pointglass.viewer.grid.scene import packed, unpack
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.renderer import Renderer
 from pointglass.viewer.work.places.pick import pick
+from pointglass.viewer.work.scan_files import files_of
+from pointglass.viewer.work.selection import Selection
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from cloud_files import write_ply
@@ -23,7 +29,7 @@ from cloud_files import write_ply
 VIEWS = ("raw", "filtered", "filled", "neural")
 
 
-def files_of(folder, seed: int, number: int):
+def made_files(folder, seed: int, number: int):
     """A room cut into files that overlap, of different sizes, far from the origin of coordinates."""
     random = np.random.default_rng(seed)
     xyz, rgb, _, _ = unpack(room(seed, 60_000, origin=(4e5, 5e6, 100.0)))
@@ -50,9 +56,36 @@ def pictures(context, scene, camera, raster, **options):
         renderer.release()
 
 
+def test_files_beyond_the_numbers_of_points_are_hidden_one_by_one(context, tmp_path, seed):
+    """259 stations of as many grids; a packed point tells 256 apart."""
+    xyz, rgb, _, _ = unpack(room(seed, 3_000))
+    files = [write_ply(tmp_path / f"part{k}.ply", xyz[k::5], rgb[k::5]) for k in range(5)]
+    folders = [convert_one(file, cache_dir(), PlaceOptions(cell_size=1.0)) for file in files]
+    numbers = [0] * 255 + [1, 2, 3, 4]
+    grids = [load_folder(folders[number]) for number in numbers]
+    place = joined(grids, [folders[number] for number in numbers], mapped)
+    assert len(place.meta.scans) == 259 and all(part.can_hide for part in files_of(place))
+    camera, every = camera_in(place, seed, (120, 90)), np.arange(259)
+    records = place.records.numbers(slice(0, place.count))
+    for gone in ((255, 258), (3, 257)):
+        left = np.setdiff1d(every, gone)
+        rest = joined([grids[k] for k in left], [folders[numbers[k]] for k in left], mapped)
+        edits = Edits(hidden_stations=gone)
+        frames = []
+        for scene, some in ((place, edits), (replace(rest, spacing=place.spacing), None)):
+            renderer = Renderer(context, scene, raster="cpu")
+            frames.append(renderer.render(camera, Settings(view="raw"), views=("raw",), edits=some).image("raw").copy())
+            renderer.release()
+        assert np.array_equal(*frames)
+        sight = Selection.in_sight(place, edits)
+        index = np.arange(place.count)
+        kept = sight.keeps(unpack(place)[0], unpack(place)[3], index)
+        np.testing.assert_array_equal(kept, ~np.isin(place.records.scan_of(records), gone))
+
+
 @pytest.mark.parametrize("raster", ["compute", "points", "cpu"])
 def test_a_place_is_drawn_as_one_grid_of_its_points(context, agree, tmp_path, seed, raster):
-    place, one = both(files_of(tmp_path, seed, 5))
+    place, one = both(made_files(tmp_path, seed, 5))
     assert len(place.cell_coords) > len(one.cell_coords)  # cells of several grids at one place
     for number in range(3):
         camera = camera_in(one, seed + number, (160, 120))

@@ -19,6 +19,8 @@ from .point_sets import NO_POINTS, PointLevels, PointSet
 from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
 
+MOST_STATIONS = 1 << 20
+"""Stations of a place, at most."""
 GHOSTS = ("shown", "dimmed", "hidden")
 """What may be done with points that another station saw through."""
 LITTLE = 0.01
@@ -64,8 +66,8 @@ class Edits:
     def __post_init__(self) -> None:
         if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
             raise InputError("expected a unit vector", option="up", value=self.up)
-        if not all(0 <= number < 256 for number in self.hidden_stations):
-            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
+        if not all(0 <= number < MOST_STATIONS for number in self.hidden_stations):
+            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to {MOST_STATIONS - 1}")
         if self.ghosts not in GHOSTS:
             raise InputError(f"expected one of {', '.join(GHOSTS)}", option="ghosts", value=self.ghosts)
         if not all(0 <= code <= LAST_CLASS for code in self.hidden_classes):

@@ -23,6 +23,7 @@ from ..common.errors import InputError
 from ..common.progress import progress
 from ..grid.marked_points import MarkedPoints
 from ..preprocess.scan_description import ScanSummary
+from ..preprocess.scan_table import MOST_NUMBERS
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -53,8 +54,11 @@ MOST_MEMORY = 1 << 29
 
 def with_ghosts(scene: "Scene") -> "Scene":
     """The scene with ghosts marked as a station of their own; see :func:`find_ghosts` for errors."""
-    found = find_ghosts(scene)
     scans = scene.meta.scans
+    if len(scans) >= MOST_NUMBERS:
+        raise InputError(f"{len(scans)} stations: passers-by are found among {MOST_NUMBERS - 1} at most",
+                         remedy="open the files of one part of the place")
+    found = find_ghosts(scene)
     meta = replace(scene.meta, scans=(*scans, ScanSummary(NAME, len(found))))
     return replace(scene, meta=meta, marked=MarkedPoints(found, len(scans)))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from ..grid.place.joined_points import JoinedPoints
 from .places.standing_place import SceneSample
 
 if TYPE_CHECKING:
@@ -30,15 +31,20 @@ _MOST_READ = 4_000_000
 
 @dataclass(frozen=True)
 class FilePart:
-    """One file of a scene.  numbers: of its stations, as in ``Scene.meta.scans``.  apart: whether its points have numbers of
-    their own in the grid."""
+    """One file of a scene.  numbers: of its stations, as in ``Scene.meta.scans``.  has_grid: whether it has a grid of its own.
+    apart: whether its points have numbers of their own in the grid.  can_hide: whether it can be hidden alone."""
 
     path: str
     numbers: range
+    has_grid: bool = False
 
     @property
     def apart(self) -> bool:
         return len(self.numbers) > 0 and self.numbers[-1] < LAST_NUMBER
+
+    @property
+    def can_hide(self) -> bool:
+        return self.apart or self.has_grid
 
 
 def files_of(scene: "Scene") -> list[FilePart]:
@@ -48,7 +54,8 @@ def files_of(scene: "Scene") -> list[FilePart]:
     if len(counts) != len(sources):
         counts = (1,) * len(sources) if len(scene.meta.scans) == len(sources) else ()
     ends = np.cumsum([0, *counts]).tolist()
-    return [FilePart(source, range(first, last)) for source, first, last in zip(sources, ends, ends[1:])]
+    alone = isinstance(scene.points, JoinedPoints) and scene.points.table.grids == len(sources)
+    return [FilePart(source, range(first, last), alone) for source, first, last in zip(sources, ends, ends[1:])]
 
 
 def sample_of_file(scene: "Scene", seen: Sample, part: FilePart) -> Sample | None:

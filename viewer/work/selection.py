@@ -12,6 +12,7 @@ import numpy as np
 
 from ..common.errors import InputError
 from ..common.progress import progress
+from ..grid.place.hidden_grids import hidden_points, table_numbers
 from ..grid.records.levelled_marks import levelled_marks
 from ..grid.records.point_marks import file_keys, marks_of
 from ..picture.clip import Clip, active, box_around, contains, may_contain
@@ -98,8 +99,10 @@ class Selection:
         """(n,) bool: which points are in sight.  xyz: (n, 3) file coordinates.  station: (n,) uint8 scan numbers.  index: their
         numbers in the scene, a slice or (n,) of them."""
         hidden = np.zeros(256, bool)
-        hidden[list(self.hidden)] = True
+        hidden[table_numbers(self.scene, self.hidden)] = True
         kept = ~hidden[station] & contains(self.clips, xyz) & contains(self.within, xyz)
+        if (of_grids := hidden_points(self.scene, self.hidden, index)) is not None:
+            kept &= ~of_grids
         codes = None if self.marks is None else self.marks.of_point[index]
         return kept & self.allows(codes, lambda: self._own_classes(index))
 

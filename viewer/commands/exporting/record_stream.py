@@ -13,6 +13,7 @@ import numpy as np
 
 from ...common.errors import InputError, Option
 from ...common.progress import progress
+from ...grid.place.hidden_grids import is_shared
 from ...grid.records.point_records import identity_of
 from ...picture.clip import contains
 from ...preprocess.scan_description import RecordOrigin, ScanSummary
@@ -154,7 +155,7 @@ class SourceRecords:
         codes = None if chosen.marks is None else chosen.marks.of_record[first : first + len(xyz)]
         kept &= chosen.allows(codes, lambda: None if own is None else class_codes(own))
         if hidden:
-            kept &= ~(np.isin(scans, hidden) | ((scans > _LAST) & (_LAST in hidden)))
+            kept &= ~(np.isin(scans, hidden) | ((scans > _LAST) & (_LAST in hidden and not is_shared(self.scene))))
         if len(self._ghosts):
             low, high = np.searchsorted(self._ghosts, (first, first + len(xyz)))
             kept[self._ghosts[low:high] - first] = False

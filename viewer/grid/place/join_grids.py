@@ -58,7 +58,7 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path], open_column: Callab
     meta, first_stations = joined_facts(scenes)
     points: Any = JoinedPoints(
         table, [folder / "points.npy" for folder in folders], [np.asarray(scene.checksums) for scene in scenes],
-        changes_of(scenes, first_stations, gains, missing_black), open_column,
+        changes_of(scenes, first_stations, gains, missing_black), first_stations, open_column,
     )  # fmt: skip
     records = JoinedRecords(
         table, [scene.records for scene in scenes if scene.records is not None],

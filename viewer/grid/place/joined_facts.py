@@ -34,8 +34,8 @@ def joined_facts(scenes: Sequence[Scene]) -> tuple[ScanDescription, list[int]]:
     warnings += [*differences([(meta.metres_per_unit, meta.crs) for meta in metas]),
                  *place_warnings({k: (scene.bounds[0], scene.bounds[1]) for k, scene in enumerate(scenes)}, names)]
     if len(scans) > MOST_NUMBERS:
-        warnings.append(ScanWarning(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as "
-                                    "one; picking, export and Python tell all apart"))  # fmt: skip
+        warnings.append(ScanWarning(f"{len(scans)} scans: the picture colours those from the {MOST_NUMBERS}th on as one, and "
+                                    "hides them by file; picking, export and Python tell all apart"))  # fmt: skip
     return ScanDescription(
         sources=tuple(source for meta in metas for source in meta.sources),
         format=", ".join(dict.fromkeys(meta.format for meta in metas if meta.format)) or None,

@@ -43,11 +43,12 @@ class PieceTable:
     """Which grid has a point.  offsets: of each grid, as in Scene, with the same number of layers.
 
     starts: (L * G + 1,) int64 number of the first point of each piece; piece k * G + g is layer k of grid g.
-    local: (L * G,) int64 number of that point in its grid.  counts: points of each grid.
+    local: (L * G,) int64 number of that point in its grid.  counts, cells: points and cells of each grid.
     """
 
     def __init__(self, offsets: list[np.ndarray], layers: int):
         self.grids, self.counts = len(offsets), [int(found[-1]) for found in offsets]
+        self.cells = [(len(found) - 1) // layers for found in offsets]
         edges = np.stack([found[:: (len(found) - 1) // layers] for found in offsets], axis=1)
         self.local = np.ascontiguousarray(edges[:-1]).reshape(-1)
         self.starts = np.concatenate([[0], np.cumsum(np.diff(edges, axis=0).reshape(-1))])
@@ -125,12 +126,12 @@ class JoinedColumn:
 
 class JoinedPoints(JoinedColumn):
     """Packed points (N, 3) uint32.  files: of the points of each grid, .npy.  checksums: of each grid, as in Scene.
-    changes: of each grid's points."""
+    changes: of each grid's points.  first_stations: number of the first station of each grid, without a limit."""
 
     def __init__(self, table: PieceTable, files: list[Path], checksums: list[np.ndarray], changes: list[PointChange],
-                 open_column: Callable[[Path], np.ndarray]):
+                 first_stations: list[int], open_column: Callable[[Path], np.ndarray]):
         super().__init__(table, OpenColumns(files, open_column), (3,), np.uint32)
-        self.files, self.checksums, self.changes = files, checksums, changes
+        self.files, self.checksums, self.changes, self.first_stations = files, checksums, changes, first_stations
 
     def count_of(self, grid: int) -> int:
         """Points of a grid."""

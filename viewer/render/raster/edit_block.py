@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ...grid.place.hidden_grids import hidden_cells, table_numbers
 from ...grid.records.point_marks import DROPPED, HAS_CLASS, SELECTED
 from ...grid.scene import unpack
 from ...picture.clip import MOST_CLIPS, active, group, may_contain, normals
@@ -58,7 +59,8 @@ def block_of(edits: "Edits", scene: "Scene", camera: "Camera", marks: "PointMark
         data["clip_rows"][3 * number : 3 * number + 3, 3] = rows @ (camera.position - np.array(clip.centre))
         groups[group(clip)] |= np.uint32(1 << number)
     data["clip_groups"] = (len(clips), *groups)
-    for name, numbers in (("hidden", scene.hidden_stations(edits)), ("hidden_classes", edits.hidden_classes)):
+    hidden = table_numbers(scene, scene.hidden_stations(edits))
+    for name, numbers in (("hidden", hidden), ("hidden_classes", edits.hidden_classes)):
         for number in numbers:
             if 0 <= number < LEVELS:
                 data[name][number // 32] |= np.uint32(1 << number % 32)
@@ -125,11 +127,13 @@ def _extremes(edits: "Edits", scene: "Scene", camera: "Camera | None") -> tuple[
 
 
 def without_clipped_cells(draw: "DrawList", edits: "Edits", scene: "Scene") -> "DrawList":
-    """The draw list without the runs of cells that clips remove completely."""
-    clips = active(edits.clips)
-    if not clips or len(draw.cells) == 0:
+    """The draw list without the runs of cells that clips remove completely, and of grids that are hidden."""
+    clips, gone = active(edits.clips), hidden_cells(scene, frozenset(edits.hidden_stations))
+    if (not clips and gone is None) or len(draw.cells) == 0:
         return draw
     centre = scene.origin + (scene.cell_coords[draw.cells] + 0.5) * scene.cell_size
     left = may_contain(clips, centre, 0.5 * scene.cell_size)[draw.slot]
+    if gone is not None:
+        left &= ~gone[draw.cells[draw.slot]]
     count = draw.count[left]
     return replace(draw, first=draw.first[left], count=count, slot=draw.slot[left], points=int(count.sum()))

@@ -123,7 +123,7 @@ def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePar
             part = parts[number]
             imgui.push_id(number)
             on = not hidden.issuperset(part.numbers)
-            if _eye("##file", on, _SHOW_FILE if part.apart else _SHARED, style, disabled=not part.apart):
+            if _eye("##file", on, _SHOW_FILE if part.can_hide else _SHARED, style, disabled=not part.can_hide):
                 actions.show_points_of(part, not on)
             imgui.same_line()
             motion = _motion(session, number)
