@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from .viewer.interface.pictures import Frame, Picture
     from .viewer.interface.place_camera import look_at, orthographic, read_cameras, write_cameras
     from .viewer.interface.scan_photographs import Photograph
+    from .viewer.interface.volume_between import volume_between
     from .viewer.picture.camera import Camera
     from .viewer.picture.provenance import PROVENANCE
     from .viewer.work.comparing.compare import Distances
@@ -98,7 +99,7 @@ if TYPE_CHECKING:
 __all__ = [
     "PROVENANCE", "Camera", "DeviceError", "Distances", "Fit", "Frame", "InputError", "Photograph", "Picture",
     "PointglassError", "Points", "RenderSettings", "Scan", "__version__", "compare", "demo_scan", "from_points", "look_at",
-    "open", "orthographic", "read_cameras", "show_published", "write_cameras",
+    "open", "orthographic", "read_cameras", "show_published", "volume_between", "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
@@ -113,6 +114,7 @@ _MODULES = {
     "interface.scan_photographs": ["Photograph"],
     "interface.pictures": ["Frame", "Picture"],
     "interface.place_camera": ["look_at", "orthographic", "read_cameras", "write_cameras"],
+    "interface.volume_between": ["volume_between"],
     "commands.demo": ["demo_scan"],
     "picture.provenance": ["PROVENANCE"],
     "work.comparing.compare": ["Distances"],

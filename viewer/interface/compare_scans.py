@@ -57,8 +57,8 @@ def compare(
             raise InputError(f"expected one of {', '.join(METHODS)}", option="method", value=method)
         if not (np.isfinite(registration) and registration >= 0):
             raise InputError("expected a length, 0 or more", option="registration", value=registration)
-        one, places, _, meta = _cloud("before", before)
-        other, own_places, station, other_meta = _cloud("after", after)
+        one, places, _, meta = cloud_of("before", before)
+        other, own_places, station, other_meta = cloud_of("after", after)
         check_together(Path("before"), meta, Path("after"), other_meta)
         if not len(one):
             raise InputError("holds no points", option="before")
@@ -71,7 +71,7 @@ def compare(
                          found.registration, found.rule)  # fmt: skip
 
 
-def _cloud(name: str, given: Scan | npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, ScanDescription]:
+def cloud_of(name: str, given: Scan | npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, ScanDescription]:
     """Points, of ``before`` the finite ones; places of stations; the station of each point; what is known of the scan."""
     from .open_scan import Scan
 

@@ -68,3 +68,18 @@ def test_scans_of_other_units_are_refused(seed):
             pointglass.from_points(xyz, rgb, metres_per_unit=0.3048) as other, \
             pytest.raises(pointglass.InputError, match="before is in"):  # fmt: skip
         pointglass.compare(one, other)
+
+
+def test_a_volume_between_arrays_and_scans_is_the_true_one_and_bad_corners_are_refused(seed):
+    random = np.random.default_rng(seed)
+    before, after = floor(random, 60_000), floor(random, 60_000)
+    after[(np.abs(after[:, :2] - (500.5, 200.5)) < 0.2).all(axis=1), 2] -= 0.1
+    corners = np.array([(500.1, 200.1, 30.0), (500.9, 200.1, 30.0), (500.9, 200.9, 30.0), (500.1, 200.9, 30.0)])
+    found = pointglass.volume_between(before, after, corners)
+    assert abs(found.cut - 0.4 * 0.4 * 0.1) <= found.cut_uncertainty < 0.004 and found.fill <= found.fill_uncertainty
+    with pointglass.from_points(after, np.zeros((len(after), 3), np.uint8)) as scan:
+        again = pointglass.volume_between(before, scan, corners)
+    assert again.cut == pytest.approx(found.cut, abs=1e-4)
+    for bad in ([(0, 0)], corners[[0, 2, 1, 3]], corners + 50):
+        with pytest.raises(pointglass.InputError):
+            pointglass.volume_between(before, after, bad)
