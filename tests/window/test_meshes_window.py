@@ -1,5 +1,5 @@
 """A mesh beside a scan in a real window, by X key and pointer events: what F12 saves is what `render --like` draws again, it is
-hidden, shown again by undo, saved with the project and there when that is opened."""
+hidden, shown again by undo, measured from, saved with the project and there when that is opened."""
 
 import subprocess
 import sys
@@ -39,6 +39,11 @@ def meshes_of(of) -> list:
     return [layer for file in autosaves(of) if (found := read_unsaved(file)) for layer in found.document.meshes]
 
 
+def measured_in(of) -> list:
+    """Measurements in the autosaves."""
+    return [made for file in autosaves(of) if (found := read_unsaved(file)) for made in found.document.measurements]
+
+
 def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: F811
     box = trimesh.creation.box((2.0, 2.0, 2.0))
     box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))  # y is up in a glTF
@@ -71,6 +76,19 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     window.keys("ctrl+z")
     time.sleep(2.0)
     assert red(shot(window)) == whole
+    window.keys("t")
+    window.picture("screen")
+    screen = np.asarray(Image.open(window.folder / "screen.png").convert("RGB")).astype(int)
+    shown = (screen[..., 0] > 60) & (screen[..., 1:] < 30).all(axis=2)
+    rows, columns = np.nonzero(shown)
+    window.click(int(np.median(columns)), int(np.median(rows)))
+    beside = next((x, y) for y in range(640, 100, -20) for x in range(300, 1000, 20)
+                  if not shown[y - 30 : y + 30, x - 30 : x + 30].any())
+    window.click(*beside)
+    (made,) = until(lambda: measured_in(scan), "the distance from the mesh")
+    ends = {point.scan: np.array(point.position) for point in made.points}
+    assert np.abs(ends["model box.glb"] - (4.0, 3.0, 1.5)).max() == pytest.approx(1.0, abs=1e-6), "a place on the box"
+    assert len(ends) == 2 and all(point.spacing > 0 for point in made.points if point.scan != "model box.glb")
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")
     until(project.exists, "the project")
