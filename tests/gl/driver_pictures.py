@@ -83,6 +83,7 @@ def sources(context, monkeypatch) -> dict[str, str]:
     """{complete text of a shader, includes and constants resolved: its file} of all that the program compiles, for software
     OpenGL and for a GPU."""
     from pointglass.viewer.doctor_probes import compute_works
+    from pointglass.viewer.render.meshes.mesh_pass import MeshPass
     from pointglass.viewer.render.network.bridge import ReadBackBridge, works
     from pointglass.viewer.render.network.neural import unpacking
     from pointglass.viewer.render.passes.reprojection import Reprojection
@@ -107,7 +108,8 @@ def sources(context, monkeypatch) -> dict[str, str]:
     unpacking(programs, copied=True, bounded=False)
     photographs = PhotoShader(programs, (8, 8))
     photographs.colouring(False), photographs.colouring(True)
-    for owned in (canvas, bridge, moved, photographs, programs):
+    meshes = MeshPass(programs, (8, 8), lambda path: None)
+    for owned in (canvas, bridge, moved, photographs, meshes, programs):
         owned.release()
     # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
     from pointglass.model.reference.soft_z import MAX_AVERAGED

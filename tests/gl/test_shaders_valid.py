@@ -142,6 +142,18 @@ def test_every_shader_is_valid_spirv(compiled):
     assert each(problems, list(compiled)) == []
 
 
+def shared_bytes(text: str) -> int:
+    """Of variables of one word each, and arrays of them whose length is a number or a define."""
+    defines = dict(re.findall(r"^#define (\w+) (\d+)$", text, re.M))
+    words = 0
+    for declared in re.findall(r"^\s*shared\s+(.*);", text, re.M):
+        kind, names = declared.split(None, 1)
+        assert kind in ("int", "uint", "float"), declared
+        for length in re.findall(r"\w+(?:\[(\w+)\])?", names):
+            words += int(defines.get(length, length)) if length else 1
+    return 4 * words
+
+
 def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(compiled):
     """Counted in the text after the preprocessor and in the compiler's own list of uniforms."""
     preprocessed = texts_of(list(compiled))
@@ -168,8 +180,7 @@ def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(compile
             for side, limit in zip(sides, GROUP_SIZE):
                 at_most("side of a workgroup", side, limit)
             at_most("invocations of a workgroup", sides[0] * sides[1] * sides[2], GROUP_INVOCATIONS)
-            if re.search(r"^\s*shared\b", text, re.M):
-                found.append(f"{path.name}: shared memory; count its bytes against {SHARED_BYTES} here")
+            at_most("bytes of shared memory", shared_bytes(text), SHARED_BYTES)
         status, told = compiled[path]
         assert status == 0, told
         storage = set(re.findall(r"\bbuffer\s+(\w+)\s*\{", text))

@@ -84,7 +84,7 @@ class MeshPass:
         if view not in self._results:
             self._results[view] = self._context.texture(self.size, 4, dtype="f1")
         result = self._results[view]
-        self._pass.run(result, masked=mask is not None, inputs={
+        self._pass.run(result, masked=int(mask is not None), inputs={
             "picture": picture, "depth": depth, "mask": mask or picture, "opaque": self._colours[0],
             "opaque_depth": self._depths[0], "clear": self._colours[1], "clear_depth": self._depths[1]})  # fmt: skip
         return result
