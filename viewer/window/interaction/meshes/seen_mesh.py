@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from ....render.frame import Frame
     from ..tool import ToolContext
 
-_MOST_HOVERED = 2_000_000
-"""Triangles that are looked through while the pointer hovers: 10 ms of a processor; a click looks through any number."""
+_MOST_HOVERED = 300_000
+"""Triangles that are looked through while the pointer hovers; a click looks through any number.  1.3 million took 40 to 55 ms
+on a busy machine."""
 
 
 def seen_mesh(context: "ToolContext", frame: "Frame", camera: "Camera", at: tuple[float, float], mask: np.ndarray,
