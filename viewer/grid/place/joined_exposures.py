@@ -7,6 +7,7 @@ differs from one grid in that flight lines and runs of points are compared withi
 be rounded twice.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,7 +40,8 @@ def applied_gains(gains: np.ndarray, matched: int, stations: Sequence[int]) -> t
 def solved_gains(scenes: Sequence[Scene], stations: Sequence[int]) -> tuple[np.ndarray, int]:
     """(sum of ``stations``, 3) factors of sRGB values, and of how many stations they could be found.  stations: of each
     grid."""
-    from ....model.appearance.exposure import exposures_of
+    from ....model.appearance.exposure import solve_exposures
+    from ....model.appearance.spacing import median_spacing
 
     first, total = np.cumsum([0, *stations]), sum(scene.count for scene in scenes)
     wanted = max(SAMPLE, min(OF_STATION * sum(stations), MOST_SAMPLED))
@@ -48,7 +50,7 @@ def solved_gains(scenes: Sequence[Scene], stations: Sequence[int]) -> tuple[np.n
         xyz, rgb, _, station = unpack(scene, _sample(scene, wanted * scene.count / total))
         parts.append((xyz, rgb, base + np.minimum(station.astype(np.int64), own - 1)))
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    gains, found = np.ones((sum(stations), 3)), exposures_of(xyz, rgb, station, sample=wanted)
+    gains, found = np.ones((sum(stations), 3)), solve_exposures(xyz, rgb, station, median_spacing(xyz))
     gains[: len(found.gains)] = found.gains
     return gains, int(found.matched.sum())
 
@@ -78,4 +80,4 @@ def _sample(scene: Scene, wanted: float) -> slice:
     """About ``wanted`` points, spread evenly: whole coarse layers, or each so many of them."""
     ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
     head = int(ends[min(int(np.searchsorted(ends, wanted)), len(ends) - 1)])
-    return slice(0, head, max(1, int(head / max(wanted, 1))))
+    return slice(0, head, max(1, math.ceil(head / max(wanted, 1))))
