@@ -32,10 +32,13 @@ class Recoverable:
         document = self.unsaved.document
         parts = [(document.measurements, "measurement"), (document.clips, "clip"), (document.viewpoints, "bookmark"),
                  (document.path.keyframes, "keyframe"), (document.annotations, "note")]
-        parts += [(document.regions, "region"), ([scan for scan in document.scans if scan.transform], "moved scan")]
+        parts += [(document.regions, "region"), (document.meshes, "mesh file"),
+                  ([scan for scan in document.scans if scan.transform], "moved scan")]
         texts = [counted(len(items), name) for items, name in parts if items]
         if classified := sum(change.points.count for change in document.reclassified):
             texts.append(f"a new class for {counted(classified, 'point')}")
+        if document.comparison is not None:
+            texts.append("a comparison of two dates")
         if document.selection:
             texts.append(f"{counted(document.selection.count, 'selected point')}")
         if self.unsaved.begun is not None:
