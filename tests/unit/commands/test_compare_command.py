@@ -84,6 +84,7 @@ def test_points_table_and_picture_show_a_lifted_quarter(scans, method, capsys):
         assert picture.size == (1920, 1200)
     said = capsys.readouterr()
     assert f"{np.isfinite(distance).sum():,} points compared" in said.out and not said.err
+    assert "about 5 % do so by chance" in said.out and "not aligned" not in said.out, "an eighth alone is no sign of that"
     assert main(["compare", before, after, "--out", str(out), "--method", method]) == 0
     assert "replaces" in capsys.readouterr().err
 
@@ -194,7 +195,9 @@ def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsy
     out = tmp_path / "out"
     assert main(["compare", write_las(tmp_path / "b.las", before), write_las(tmp_path / "a.las", after), "--out", str(out),
                  "--method", method]) == 0
-    assert "0 points compared, 4,000 without a counterpart" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "0 points compared, 4,000 without a counterpart" in said
+    assert "100 % of the points have no counterpart: another place, another unit, or not aligned?" in said
     assert np.isnan(laspy.read(out / "distances.laz").distance).all()
     assert table(out / "distances.csv")["statistic"]["share without counterpart"] == "1"
     with Image.open(out / "distances.png") as picture:

@@ -14,7 +14,7 @@ from ...common.text import counted
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from ...readers.moved_source import Moves
 from ...work.comparing.compare import METHODS, Distances, compare
-from ...work.comparing.distance_statistics import Statistics, statistics_of
+from ...work.comparing.distance_statistics import Statistics, change_words, statistics_of
 from ...work.comparing.facing import TEXTS, facing_of
 from ...work.measuring.measure_text import unit_name
 from ...work.project import moves_of, read_project
@@ -121,9 +121,8 @@ def report_lines(distances: Distances, found: Statistics, unit: str) -> list[str
     if found.known:
         lines.append(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "
                      f"uncertainty ± {found.uncertainty * factor:.3g} {shown} (median, 95 %)")
-        lines.append(f"{100 * found.changed / found.known:.3g} % changed by more than their uncertainty; "
-                     f"positive is {TEXTS[distances.rule]}")
-    return lines
+        lines.append(f"positive is {TEXTS[distances.rule]}")
+    return lines + change_words(found)
 
 
 def _refuse_own_files(out: Path, sources: list[Path]) -> None:

@@ -68,6 +68,18 @@ def statistics_of(distance: np.ndarray, uncertainty: np.ndarray, limit: float | 
                       float(np.median(unsure)), edges, bins)  # fmt: skip
 
 
+def change_words(found: Statistics) -> list[str]:
+    """Lines for a person: what share is changed for certain, and what such a share may mean."""
+    lines = []
+    if found.known:
+        lines.append(f"{100 * found.changed / found.known:.3g} % changed by more than their uncertainty; "
+                     "of points that did not change, about 5 % do so by chance")
+    if found.known < found.count:
+        why = ": another place, another unit, or not aligned?" if 2 * found.known < found.count else ""
+        lines.append(f"{100 - 100 * found.known / found.count:.3g} % of the points have no counterpart{why}")
+    return lines
+
+
 def colour_limit(distance: np.ndarray, uncertainty: np.ndarray) -> float:
     """Where the colours end: a round number above both limits of noise and of change.  (n,) known distances."""
     if not len(distance):

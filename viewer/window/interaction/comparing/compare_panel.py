@@ -7,6 +7,7 @@ import numpy as np
 
 from ....common.text import printable
 from ....work.comparing.compare import METHODS
+from ....work.comparing.distance_statistics import change_words
 from ....work.comparing.facing import TEXTS
 from ....work.comparing.scene_changes import Coloured, SceneDistances
 from ....work.scan_files import FilePart
@@ -130,10 +131,8 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
         ui.end_combo()
     if found.known:
         ui.text_wrapped(f"median {found.median:.3g}, sd {found.sd:.3g} {unit}; unsure by {found.uncertainty:.3g} (95 %)")
-        ui.text_wrapped(f"{100 * found.changed / found.known:.3g} % changed by more than that; "
-                        f"{100 - 100 * found.known / found.count:.3g} % without a counterpart")
-    else:
-        ui.text_wrapped("No point has a counterpart in the scan before.")
+    for line in change_words(found):
+        ui.text_wrapped(line)
     shares = found.bins[1:-1].astype(np.float32)
     ui.plot_histogram("##distances", shares, scale_min=0.0, scale_max=float(max(shares.max(initial=0.0), 1.0)),
                       graph_size=(ui.get_content_region_avail().x, context.theme.px(_GRAPH)))  # fmt: skip
