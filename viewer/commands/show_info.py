@@ -3,7 +3,8 @@
 import argparse
 import json
 
-from ..work.project import is_project
+from ..work.contents import contents
+from ..work.project import is_project, read_project
 from .info import facts, format_text, scene_of
 from .remote_info import stated_facts_of, stated_text
 
@@ -13,11 +14,16 @@ def run(options: argparse.Namespace) -> int:
     if any(map(is_project, options.scans)):
         from .open_project import project_scene
 
-        scene = project_scene(options)
+        scene, held = project_scene(options), contents(read_project(options.scans[0]))
     else:
         if stated := stated_facts_of(options.scans):
             print(json.dumps(stated, indent=1) if options.json else stated_text(stated))
             return 0
-        scene = scene_of(options.scans, cache=not options.no_cache, columns=options.columns)
-    print(json.dumps(facts(scene), indent=1) if options.json else format_text(scene))
+        scene, held = scene_of(options.scans, cache=not options.no_cache, columns=options.columns), None
+    if options.json:
+        print(json.dumps(facts(scene) | ({} if held is None else {"project": held}), indent=1))
+    else:
+        print(format_text(scene))
+        if held:
+            print(f"{'project':<8} {', '.join(held)}")
     return 0

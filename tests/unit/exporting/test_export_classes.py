@@ -1,5 +1,6 @@
 """Regions and classes on export: exactly the chosen records, exactly their class changed, all other bytes as in the file."""
 
+import json
 from dataclasses import replace
 
 import laspy
@@ -68,6 +69,18 @@ def test_export_of_classes_goes_by_the_present_class(tmp_path, seed):
     assert np.array_equal(np.array(laspy.read(tmp_path / "out.las").classification), classes[(classes == 6) & ~hidden])
     assert main(["export", str(path), "--out", str(tmp_path / "own.las"), "--no-cache", "--class", "6"]) == 0
     assert len(laspy.read(tmp_path / "own.las").points) == (np.array(laspy.read(path).classification) == 6).sum()
+
+
+def test_info_of_a_project_says_which_points_it_hides_and_gives_a_class(tmp_path, seed, capsys):
+    path = tmp_path / "scan.las"
+    random_las(path, seed, point_format=6, count=2000)
+    project, hidden, first, other = project_of(tmp_path, path, np.random.default_rng(seed))
+    held = ["2 regions", f"{hidden.sum():,} points in regions that are not shown",
+            f"a new class for {first.sum() + other.sum():,} points"]  # fmt: skip
+    assert main(["info", str(project), "--no-cache"]) == 0
+    assert f"project  {', '.join(held)}" in capsys.readouterr().out
+    assert main(["info", str(project), "--no-cache", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["project"] == held
 
 
 @pytest.mark.parametrize("target", ["ply", "e57"])

@@ -9,6 +9,7 @@ from pathlib import Path
 from ....model.common.files.temporary import sweep
 from ...common.errors import InputError
 from ...common.text import counted
+from ...work.contents import contents
 from ...work.document import Document
 from ...work.project import read_project
 from .autosave import UnsavedWork, autosave_folder, lock, read_unsaved
@@ -29,18 +30,7 @@ class Recoverable:
     @property
     def text(self) -> str:
         """What it holds, in words."""
-        document = self.unsaved.document
-        parts = [(document.measurements, "measurement"), (document.clips, "clip"), (document.viewpoints, "bookmark"),
-                 (document.path.keyframes, "keyframe"), (document.annotations, "note")]
-        parts += [(document.regions, "region"), (document.meshes, "mesh file"),
-                  ([scan for scan in document.scans if scan.transform], "moved scan")]
-        texts = [counted(len(items), name) for items, name in parts if items]
-        if classified := sum(change.points.count for change in document.reclassified):
-            texts.append(f"a new class for {counted(classified, 'point')}")
-        if document.comparison is not None:
-            texts.append("a comparison of two dates")
-        if document.selection:
-            texts.append(f"{counted(document.selection.count, 'selected point')}")
+        texts = contents(self.unsaved.document)
         if self.unsaved.begun is not None:
             texts.append(f"a measurement not ended, of {counted(len(self.unsaved.begun.points), 'point')}")
         return ", ".join(texts) or "changed settings of the picture"

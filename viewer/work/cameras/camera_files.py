@@ -170,7 +170,8 @@ def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
 
 def _refuse_orthographic(camera: Camera, where: str) -> None:
     if camera.orthographic is not None:
-        raise InputError(f"{where}: camera {shown(camera.name)} is orthographic; this format holds pinholes only")
+        which = f"camera {shown(camera.name)}" if camera.name else "a camera"
+        raise InputError(f"{where}: {which} is orthographic; this format holds pinholes only")
 
 
 def _named(cameras: list[Camera]) -> list[Camera]:
