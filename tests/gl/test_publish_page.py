@@ -100,3 +100,23 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         assert outside == [] and (len(page.requests) >= 8 or browser is firefox)  # which names no files that it reads
     finally:
         page.close()
+
+
+@pytest.mark.parametrize(("browser", "distances"), [BROWSERS["chromium"]])
+def test_a_device_that_is_slow_draws_fewer_pixels_while_something_moves_and_all_at_rest(tmp_path, site, browser, distances):
+    page = browser.Page(tmp_path / "profile")
+    try:
+        page.open((site / "index.html").as_uri())
+        page.until("document.body && document.body.classList.contains('ready')")
+        width = page.until("window.pointglass.panorama.canvas.width")
+        page.value("(() => { const kind = WebGL2RenderingContext.prototype, draw = kind.drawElements;"
+                   "kind.drawElements = function (...all) { const end = performance.now() + 300;"
+                   "while (performance.now() < end); return draw.apply(this, all); }; })()")
+        page.value("window.pointglass.view.speed = [0.1, 0]; window.pointglass.view.redraw()")
+        page.until(f"window.pointglass.panorama.canvas.width < {0.8 * width}")
+        page.value("window.pointglass.view.speed = [0, 0]")
+        page.until(f"window.pointglass.panorama.canvas.width === {width}")
+        page.value("new Promise((done) => setTimeout(done, 1500))")
+        assert page.value("window.pointglass.panorama.canvas.width") == width, "it stays so while nothing moves"
+    finally:
+        page.close()

@@ -12,6 +12,7 @@ const UPLOAD = 400; // milliseconds that a texture waits for that, at most
 const PICTURES = 5; // whose mean counts
 const COARSEST = 0.5; // fewer pixels gain little: the browser puts the page together at full size (software WebGL, 1280x720)
 const REST = 200; // milliseconds without a picture that count as rest
+const HIDDEN = 5000; // milliseconds that no picture takes: the page was not shown
 const FREE = 0.93; // share of the distance that must be free between two places for one to walk, not fade, from one to the other
 const STEEPEST = (88 * Math.PI) / 180;
 export const NARROWEST = 25, WIDEST = 100; // degrees, of the shorter side of the window
@@ -87,16 +88,14 @@ export class View {
     this.redraw();
   }
 
-  // Fewer pixels while something moves on a device that is too slow, all of them at rest.
+  // Fewer pixels while something moves on a device that is too slow, all of them at rest.  elapsed: milliseconds from the
+  // beginning of a picture until the browser could begin another one.
   private pace(elapsed: number): void {
     window.clearTimeout(this.rest);
     this.rest = window.setTimeout(() => {
       if (!this.sharp) (this.sharp = true), this.resize();
     }, REST);
-    if (elapsed > REST) {
-      this.slow = [];
-      return;
-    }
+    if (!this.asked || elapsed > HIDDEN) return; // a single picture, or a page that was not shown
     this.slow.push(elapsed);
     if (this.slow.length >= PICTURES) {
       const mean = this.slow.reduce((a, b) => a + b) / this.slow.length;
@@ -156,7 +155,8 @@ export class View {
     this.asked = false;
     let opacity = 0;
     const elapsed = Math.min((now - this.last) / 1000, 0.1);
-    this.pace(now - this.last);
+    window.clearTimeout(this.rest); // the last picture may take longer than what counts as rest
+    requestAnimationFrame((next) => this.pace(next - now));
     this.last = now;
     if (this.speed[0] || this.speed[1]) {
       this.turn(this.yaw + elapsed * this.speed[0], this.pitch + elapsed * this.speed[1]);
