@@ -7,6 +7,7 @@ from typing import Any
 
 from ..readers.las.las_source import LasSource
 from ..readers.remote.address import address_in
+from ..work.measuring.measure_text import unit_name
 
 
 def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
@@ -53,7 +54,7 @@ def stated_text(facts: dict[str, Any]) -> str:
         ("points", f"{facts['points']:,}"),
         ("from", corner[0]),
         ("to", corner[1]),
-        ("size", " x ".join(f"{side:.4g}" for side in facts["size"])),
+        ("size", " x ".join(f"{side:.4g}" for side in facts["size"]) + f" {unit_name(metres)}"),
         ("units", f"{facts['units']} ({f'1 unit = {metres:.10g} m' if metres else 'length not given by the file'})"),
         ("CRS", facts["crs"] or "not given"),
         *(("warning", text) for text in facts["warnings"]),

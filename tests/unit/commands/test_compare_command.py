@@ -159,6 +159,8 @@ def test_an_unknown_unit_is_said_and_the_scan_itself_is_never_replaced(seed, tmp
     other = write_ply(tmp_path / "b.ply", xyz, np.zeros((5000, 3), np.uint8))
     assert main(["compare", one, str(other), "--out", str(tmp_path / "out")]) == 0
     assert "b.ply states no unit of length" in capsys.readouterr().err
+    assert main(["compare", one, one, "--out", str(tmp_path / "same")]) == 0
+    assert "a.las is compared with itself" in capsys.readouterr().err
     again = str(tmp_path / "out" / "distances.laz")
     assert main(["compare", one, again, "--out", str(tmp_path / "out")]) == 2
     assert "is one of the scans that are compared" in capsys.readouterr().err

@@ -129,6 +129,7 @@ def test_a_project_s_splats_are_of_what_is_in_sight_and_nothing_is_left_of_a_fai
     for arguments, said in (
         (("--out", tmp_path / "a.glb", "--budget", "lots"), "--budget 'lots': expected a number of splats"),
         (("--out", tmp_path / "a.laz", "--budget", "1M"), "splats are written as .glb, .spz, splats.ply"),
+        (("--out", tmp_path / "a.ply", "--budget", "1M"), "choose such a name, or add --splats, or leave out --budget"),
         (("--out", tmp_path / "a.glb", "--reproject", "auto"), "splats are neither reprojected"),
         (("--out", tmp_path / "a.spz", "--clip", "0,0,0,1,1,1"), "leave no point"),
     ):

@@ -1,6 +1,7 @@
 """Scans at addresses: read by ranges, whole and in part, with faults of the network; errors in one line without secrets."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -57,7 +58,8 @@ def test_info_reads_little_and_says_so(tmp_path, capsys):
         assert found["bounds"]["min"] == pytest.approx([4e5, 5e6, 100], abs=0.01)
         assert server.sent < 0.02 * len(data) and found["read"] == pytest.approx(server.sent / len(data), rel=0.3)
         assert main(["info", f"{server.address}/a.laz"]) == 0
-        assert "known once it is opened" in capsys.readouterr().out
+        said = capsys.readouterr().out
+        assert "known once it is opened" in said and re.search(r"^size +\S+ x \S+ x \S+ units$", said, re.MULTILINE)
 
 
 @pytest.mark.parametrize("fault", ["cut", "busy", "whole only"])

@@ -76,6 +76,7 @@ def check_together(before: Path, of_before: ScanDescription, after: Path, of_aft
         if meta.in_degrees or meta.units == DEGREE:
             raise InputError("has its coordinates in degrees; distances need a unit of length", file=path,
                              remedy=("transform it with `pointglass export` ", Option("--reproject", "auto")))
+    same = [f"{after.name} is compared with itself"] if before.exists() and after.exists() and before.samefile(after) else []
     one, other = of_before.metres_per_unit, of_after.metres_per_unit
     if one is not None and other is not None and abs(one / other - 1) > _SAME_UNIT:
         raise InputError(f"is in {of_after.units}, {before.name} is in {of_before.units}", file=after,
@@ -85,8 +86,8 @@ def check_together(before: Path, of_before: ScanDescription, after: Path, of_aft
                          remedy=("transform one with `pointglass export` ", Option("--reproject")))
     if (one is None) != (other is None):
         unknown, known = (before, of_after) if one is None else (after, of_before)
-        return [f"{unknown.name} states no unit of length; it is taken to be the {known.units} of the other scan"]
-    return []
+        return [*same, f"{unknown.name} states no unit of length; it is taken to be the {known.units} of the other scan"]
+    return same
 
 
 def read_cloud(path: Path, sources: "list[Source]", meta: ScanDescription) -> Cloud:

@@ -123,8 +123,10 @@ def _splat_target(out: Path, splats: bool, budgeted: bool, of_points: bool) -> S
     if (found := splat_target(out, splats)) is None:
         check_ending(out, tuple(SPLATS))
         if splats or budgeted:
+            as_ply = "add --splats, or leave out --budget"
+            either = as_ply if out.suffix.lower() == ".ply" else "leave out --splats and --budget"
             raise InputError(f"splats are written as {', '.join(SPLATS)}", option="--out", value=out,
-                             remedy="choose such a name, or leave out --splats and --budget")
+                             remedy=f"choose such a name, or {either}")
     elif of_points:
         raise InputError("splats are neither reprojected nor have they further columns", option="--out", value=out,
                          remedy="export points with these options, and splats from that file")
