@@ -82,8 +82,9 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     shown = (screen[..., 0] > 60) & (screen[..., 1:] < 30).all(axis=2)
     rows, columns = np.nonzero(shown)
     window.click(int(np.median(columns)), int(np.median(rows)))
-    beside = next((x, y) for y in range(640, 100, -20) for x in range(300, 1000, 20)
-                  if not shown[y - 30 : y + 30, x - 30 : x + 30].any())
+    scanned = screen[..., 1:].max(axis=2) >= 90  # neither the red box nor panels
+    beside = next((x, y) for y in range(640, 100, -4) for x in range(250, 1058, 4)
+                  if scanned[y - 3 : y + 4, x - 3 : x + 4].mean() > 0.9)
     window.click(*beside)
     (made,) = until(lambda: measured_in(scan), "the distance from the mesh")
     ends = {point.scan: np.array(point.position) for point in made.points}

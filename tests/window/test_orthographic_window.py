@@ -18,7 +18,7 @@ from pointglass.viewer.work.project import read_project
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 PICTURE = 600, 400
 """A place over the picture, of a window of 1280 x 720."""
-ICON = 214, 582
+ICON = 214, 614
 """Of orthographic views, in the tool bar."""
 
 
