@@ -5,7 +5,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ....common.rigid_transform import IDENTITY, motion_text
 from ....common.text import bytes_text
 from ....picture.meshes.mesh_layer import MESH_UP_AXES, MeshLayer
 from ....readers.meshes.mesh_data import PLAIN, MeshData
@@ -13,21 +12,18 @@ from ....work.meshes.laid_meshes import apart, assumed, bounds_of
 from ...kit.theme import fitted
 from ...kit.widgets import work_rows
 from ..editing import unit_of
+from ..registering.move_fields import Moving, move_fields, moved_rows, number_field
 from ..tool import ToolContext
 from .mesh_loads import MeshLoads
 
-_LABEL = "m" * 5
-"""As wide as the names of the numbers."""
 _LEAST_OPACITY = 0.05
 
 
-class Laying(Protocol):
+class Laying(Moving, Protocol):
     """What the panel shows and changes: viewer.window.interaction.meshes.mesh_tool.Meshes."""
 
     loads: MeshLoads
     chosen: int | None
-    shift: list[float]
-    degrees: float
 
     def mesh(self, layer: MeshLayer) -> MeshData | None: ...
     def layer(self, context: ToolContext) -> MeshLayer | None: ...
@@ -35,8 +31,6 @@ class Laying(Protocol):
     def change(self, context: ToolContext, number: int, label: str, gesture: object = None, **changes: Any) -> None: ...
     def remove(self, context: ToolContext, number: int) -> None: ...
     def fly_to(self, context: ToolContext, number: int) -> None: ...
-    def move_by_numbers(self, context: ToolContext) -> None: ...
-    def put_back(self, context: ToolContext) -> None: ...
     def put_at_middle(self, context: ToolContext) -> None: ...
 
 
@@ -91,7 +85,7 @@ def _look(ui: Any, tool: Laying, layer: MeshLayer, number: int, context: ToolCon
             tool.change(context, number, f"Colour {layer.name}", ("mesh colour", number), colour=levels)
     ui.align_text_to_frame_padding()
     ui.text_unformatted("opacity")
-    ui.same_line(ui.calc_text_size(_LABEL).x)
+    ui.same_line(ui.calc_text_size("m" * 5).x)
     ui.set_next_item_width(-1)
     changed, value = ui.slider_float("##opacity", 100 * layer.opacity, 100 * _LEAST_OPACITY, 100.0, "%.0f %%")
     if changed and 100 * _LEAST_OPACITY <= value <= 100:
@@ -105,7 +99,7 @@ def _axes(ui: Any, tool: Laying, layer: MeshLayer, number: int, context: ToolCon
         ui.same_line()
         if ui.radio_button(axis, layer.up == axis) and layer.up != axis:
             tool.change(context, number, f"Turn {layer.name}", up=axis)
-    changed, value = _field(ui, "scale", layer.scale, "%.6g")
+    changed, value = number_field(ui, "scale", layer.scale, "%.6g")
     if ui.is_item_hovered():
         ui.set_tooltip(f"{unit_of(context)} in a unit of the file")
     if changed and 1e-9 <= value <= 1e9:
@@ -118,26 +112,11 @@ def _place(ui: Any, tool: Laying, layer: MeshLayer, mesh: MeshData, context: Too
     away = 0.0 if scene is None else apart(bounds_of(layer, mesh), scene.bounds)
     if away > 0:
         ui.text_wrapped(f"It lies {away:.4g} {unit} away from the scan.")
-    for axis, name in enumerate("xyz"):
-        changed, value = _field(ui, f"move {name}", tool.shift[axis], f"%.4f {unit}")
-        if changed and np.isfinite(value):
-            tool.shift[axis] = value
-    changed, value = _field(ui, "turn", tool.degrees, "%.4f°")
-    if changed and np.isfinite(value):
-        tool.degrees = value
-    ui.begin_disabled(not (any(tool.shift) or tool.degrees))
-    if ui.button("Move"):
-        tool.move_by_numbers(context)
-    ui.end_disabled()
+    move_fields(ui, tool, context)
     ui.same_line()
     if ui.button("To the scan's middle"):
         tool.put_at_middle(context)
-    if layer.transform != IDENTITY:
-        ui.text_wrapped(f"Moved: {motion_text(layer.transform)}")
-        if ui.button("Put back"):
-            tool.put_back(context)
-        if ui.is_item_hovered():
-            ui.set_tooltip("To where its file has it")
+    if moved_rows(ui, tool, layer.transform, context):
         ui.same_line()
     if ui.button("Fly to it") and tool.chosen is not None:
         tool.fly_to(context, tool.chosen)
@@ -145,10 +124,3 @@ def _place(ui: Any, tool: Laying, layer: MeshLayer, mesh: MeshData, context: Too
     if ui.button("Remove") and tool.chosen is not None:
         tool.remove(context, tool.chosen)
 
-
-def _field(ui: Any, name: str, value: float, form: str) -> tuple[bool, float]:
-    ui.align_text_to_frame_padding()
-    ui.text_unformatted(name)
-    ui.same_line(ui.calc_text_size(_LABEL).x)
-    ui.set_next_item_width(-1)
-    return ui.input_double(f"##{name}", value, 0.0, 0.0, form)

@@ -3,9 +3,7 @@
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
-from ....common.rigid_transform import IDENTITY, Rows, turn_in_degrees
+from ....common.rigid_transform import Rows
 from ....common.text import counted, printable
 from ....work.registration.point_pairs import LEAST, PairFit
 from ....work.scan_files import FilePart
@@ -15,19 +13,15 @@ from ...kit.worker import Worker
 from ..editing import unit_of
 from ..tool import ToolContext
 from .clicked_pairs import Pairs
-
-_LABEL = "m" * 5
-"""As wide as the names of the numbers."""
+from .move_fields import Moving, move_fields, moved_rows
 
 
-class Aligning(Protocol):
+class Aligning(Moving, Protocol):
     """What the panel shows and changes: viewer.window.interaction.registering.align_tool.Align."""
 
     moving: int
     pairs: Pairs
     levelling: bool
-    shift: list[float]
-    degrees: float
     result: str
     worker: Worker | None
 
@@ -36,8 +30,6 @@ class Aligning(Protocol):
     def choose(self, number: int) -> None: ...
     def apply_pairs(self, context: ToolContext) -> None: ...
     def refine(self, context: ToolContext) -> None: ...
-    def move_by_numbers(self, context: ToolContext) -> None: ...
-    def put_back(self, context: ToolContext) -> None: ...
 
 
 def name_of(part: FilePart) -> str:
@@ -115,36 +107,10 @@ def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
 
 
 def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
-    unit = unit_of(context)
-    for axis, name in enumerate("xyz"):
-        changed, value = _field(ui, f"move {name}", tool.shift[axis], f"%.4f {unit}")
-        if changed and np.isfinite(value):
-            tool.shift[axis] = value
-    changed, value = _field(ui, "turn", tool.degrees, "%.4f°")
-    if changed and np.isfinite(value):
-        tool.degrees = value
-    ui.begin_disabled(not (any(tool.shift) or tool.degrees))
-    if ui.button("Move"):
-        tool.move_by_numbers(context)
-    ui.end_disabled()
+    move_fields(ui, tool, context)
     ui.same_line()
     if ui.button("Click its floor…" if tool.levelling else "Level…"):
         tool.levelling = not tool.levelling
     if ui.is_item_hovered():
         ui.set_tooltip("A click on its floor fits a plane there and makes it horizontal")
-    transform = tool.transform(context)
-    if transform != IDENTITY:
-        shift = ", ".join(f"{row[3]:.3f}" for row in transform[:3])
-        ui.text_wrapped(f"Moved: turned {turn_in_degrees(transform):.3f}°, shifted by {shift}")
-        if ui.button("Put back"):
-            tool.put_back(context)
-        if ui.is_item_hovered():
-            ui.set_tooltip("To where its file has it")
-
-
-def _field(ui: Any, name: str, value: float, form: str) -> tuple[bool, float]:
-    ui.align_text_to_frame_padding()
-    ui.text_unformatted(name)
-    ui.same_line(ui.calc_text_size(_LABEL).x)
-    ui.set_next_item_width(-1)
-    return ui.input_double(f"##{name}", value, 0.0, 0.0, form)
+    moved_rows(ui, tool, tool.transform(context), context)
