@@ -53,7 +53,7 @@ def test_edits_and_comparisons_come_back_and_the_keys_stay_those_of_the_format(t
                            "alterations", "comparison"]
     assert list(found["alterations"]) == ["clips", "hidden_stations", "up", "look", "lock_measured", "ghosts"]
     assert found["settings"]["view"] == "filled" and found["comparison"] == {"view": "raw", "split_at": 0.3}
-    bad = {"alterations": [{"up": [0.0, 0.0, 2.0]}, {"hidden_stations": [300]}, {"unknown": 1}],
+    bad = {"alterations": [{"up": [0.0, 0.0, 2.0]}, {"hidden_stations": [-1]}, {"unknown": 1}],
            "comparison": [{"view": "x"}, {"view": "raw", "split_at": 2}]}
     for key, values in bad.items():
         for value in values:
