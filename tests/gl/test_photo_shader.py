@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pointglass.model.reference import photo_colours as reference
-from pointglass.viewer.picture.camera import Camera
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_photo
@@ -15,7 +14,7 @@ from pointglass.viewer.render.photographs.photo_shader import PhotoShader, Resid
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "render"))
 
-from test_photographs import SIZE, random_photo
+from test_photographs import random_photo, random_surface
 
 pytestmark = pytest.mark.gl
 
@@ -23,15 +22,8 @@ pytestmark = pytest.mark.gl
 @pytest.mark.parametrize("kind", [reference.PINHOLE, reference.SPHERICAL, reference.CYLINDRICAL])
 def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
     rng = np.random.default_rng(seed)
-    width, height = SIZE
-    camera = Camera(width, height, 75.0, 78.0, 44.0, 36.0, np.eye(4), "here")
-    y, x = np.mgrid[:height, :width]
-    depth = (1 / (0.25 + 0.0008 * x * rng.uniform(-1, 1) + 0.0008 * y * rng.uniform(-1, 1))).astype(np.float32)
-    depth[:, 60:] *= 0.7  # an edge
-    depth += rng.normal(0, 0.002, depth.shape).astype(np.float32)
-    depth[rng.random(depth.shape) < 0.002] = 0
-    filled = rng.integers(0, 256, (height, width, 4), dtype=np.uint8)
-    measured = np.where(rng.random(depth.shape) < 0.25, 255, 0).astype(np.uint8)
+    camera, depth, filled, measured = random_surface(rng)
+    height, width = depth.shape
     prepared = [prepared_photo(*random_photo(rng, kind if k else reference.PINHOLE)) for k in range(9)]
     pool = PhotoPool(len(prepared) - 1, max(len(photo.words) for photo in prepared))
     for number, photo in enumerate(prepared[:-1]):

@@ -70,3 +70,21 @@ def facts(path):
                 h.system_identifier,
                 h.generating_software, h.creation_date, h.global_encoding.value, h.point_count, tuple(h.mins), tuple(h.maxs),
                 tuple(h.number_of_points_by_return), list(h.point_format.dimension_names))  # fmt: skip
+
+
+def coloured_las(path, xyz, rng):
+    """Writes (n, 3) points with random colours as LAS or LAZ.  Returns the path."""
+    header = laspy.LasHeader(point_format=2, version="1.2")
+    header.scales = [0.001] * 3
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xyz.T
+    las.red, las.green, las.blue = rng.integers(0, 65535, (3, len(xyz)))
+    las.write(str(path))
+    return path
+
+
+def coloured_corner(path):
+    """A floor and a wall of 4 m, 16,000 points with random colours, the same each time."""
+    rng = np.random.default_rng(0)
+    xyz = np.concatenate([rng.uniform((0, 0, 0), (4, 4, 0.001), (8000, 3)), rng.uniform((0, 3.999, 0), (4, 4, 3), (8000, 3))])
+    return coloured_las(path, xyz, rng)

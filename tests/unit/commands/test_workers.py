@@ -11,9 +11,9 @@ import sys
 import time
 from pathlib import Path
 
-import laspy
 import numpy as np
 import pytest
+from las_files import coloured_corner, coloured_las
 
 from pointglass.viewer.commands.heldout.evaluate_scan import judge_scan
 from pointglass.viewer.common.workers.worker_choice import Workers
@@ -27,20 +27,7 @@ PROGRESS = re.compile(r"^pointglass: [a-z ]+: [\d,]+ .*(left|so far)\n", re.MULT
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory) -> Path:
-    """A coloured floor and wall, as LAZ."""
-    rng = np.random.default_rng(0)
-    xyz = np.concatenate([rng.uniform((0, 0, 0), (4, 4, 0.001), (8000, 3)), rng.uniform((0, 3.999, 0), (4, 4, 3), (8000, 3))])
-    return written(tmp_path_factory.mktemp("scan") / "corner.laz", xyz, rng)
-
-
-def written(path: Path, xyz: np.ndarray, rng: np.random.Generator) -> Path:
-    header = laspy.LasHeader(point_format=2, version="1.2")
-    header.scales = [0.001] * 3
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = xyz.T
-    las.red, las.green, las.blue = rng.integers(0, 65535, (3, len(xyz)))
-    las.write(str(path))
-    return path
+    return coloured_corner(tmp_path_factory.mktemp("scan") / "corner.laz")
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +120,7 @@ def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
     rng = np.random.default_rng(3)
     (folder := tmp_path / "scans").mkdir()
     for name in "ab":
-        written(folder / f"{name}.laz", rng.uniform(0, 3, (5000, 3)), rng)
+        coloured_las(folder / f"{name}.laz", rng.uniform(0, 3, (5000, 3)), rng)
     whole = (folder / "b.laz").read_bytes()
     (folder / "c.laz").write_bytes(whole[: len(whole) // 2])
     found = []
@@ -147,13 +134,19 @@ def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
     assert found[0] == found[1] and len(found[0][0]) > 8 and hidden(tmp_path) == []
 
 
-def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp_path):
-    rng = random.Random(seed := random.getrandbits(32))
-    process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
+def at_work(scan, cameras, out, rng):
+    """A command with two workers, some random time after these were started; and those there were at first."""
+    process = start("render", scan, "--cameras", cameras, "--out", out, "--view", "filled", "--workers", 2)
     while not (workers := children(process.pid)):
         assert process.poll() is None
         time.sleep(0.02)
     time.sleep(rng.uniform(0, 1.5))
+    return process, workers
+
+
+def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp_path):
+    rng = random.Random(seed := random.getrandbits(32))
+    process, workers = at_work(scan, cameras, tmp_path / "out", rng)
     victim = rng.choice(children(process.pid) or workers)
     with contextlib.suppress(ProcessLookupError):
         os.kill(victim, signal.SIGKILL)
@@ -166,11 +159,7 @@ def test_a_random_worker_is_killed_at_a_random_time(scan, cameras, pictures, tmp
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)])
 def test_a_signal_ends_command_and_workers_and_leaves_whole_pictures(scan, cameras, pictures, tmp_path, number):
     rng = random.Random(seed := random.getrandbits(32))
-    process = start("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2)
-    while not (workers := children(process.pid)):
-        assert process.poll() is None
-        time.sleep(0.02)
-    time.sleep(rng.uniform(0, 1.5))
+    process, workers = at_work(scan, cameras, tmp_path / "out", rng)
     workers = {*workers, *children(process.pid)}
     process.send_signal(number)
     begun = time.monotonic()

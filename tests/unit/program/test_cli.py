@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import laspy
 import numpy as np
 import pytest
+from las_files import coloured_corner
 from PIL import Image
 
 from pointglass.viewer import cli
@@ -23,17 +23,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory) -> Path:
-    """A coloured floor and wall, as LAZ."""
-    rng = np.random.default_rng(0)
-    xyz = np.concatenate([rng.uniform((0, 0, 0), (4, 4, 0.001), (8000, 3)), rng.uniform((0, 3.999, 0), (4, 4, 3), (8000, 3))])
-    path = tmp_path_factory.mktemp("scan") / "corner.laz"
-    header = laspy.LasHeader(point_format=2, version="1.2")
-    header.scales = [0.001] * 3
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = xyz.T
-    las.red, las.green, las.blue = rng.integers(0, 65535, (3, len(xyz)))
-    las.write(str(path))
-    return path
+    return coloured_corner(tmp_path_factory.mktemp("scan") / "corner.laz")
 
 
 @pytest.fixture(scope="module")

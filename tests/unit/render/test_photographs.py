@@ -31,9 +31,8 @@ def random_photo(rng, kind):
     return picture, valid, kind, lens, around, pose, nearest, gains
 
 
-@pytest.mark.parametrize("kind", [reference.PINHOLE, reference.SPHERICAL, reference.CYLINDRICAL])
-def test_the_loops_colour_as_the_reference_does(kind, seed):
-    rng = np.random.default_rng(seed)
+def random_surface(rng):
+    """A camera, the depth of two noisy planes with an edge between them and some holes, filled colours, measured pixels."""
     width, height = SIZE
     camera = Camera(width, height, 75.0, 78.0, 44.0, 36.0, np.eye(4), "here")
     y, x = np.mgrid[:height, :width]
@@ -43,6 +42,13 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
     depth[rng.random(depth.shape) < 0.002] = 0
     filled = rng.integers(0, 256, (height, width, 4), dtype=np.uint8)
     measured = np.where(rng.random(depth.shape) < 0.25, 255, 0).astype(np.uint8)
+    return camera, depth, filled, measured
+
+
+@pytest.mark.parametrize("kind", [reference.PINHOLE, reference.SPHERICAL, reference.CYLINDRICAL])
+def test_the_loops_colour_as_the_reference_does(kind, seed):
+    rng = np.random.default_rng(seed)
+    camera, depth, filled, measured = random_surface(rng)
     given = [random_photo(rng, kind if k else reference.PINHOLE) for k in range(12)]
     prepared = [prepared_photo(*photo) for photo in given]
     pool = PhotoPool(len(given), max(len(photo.words) for photo in prepared))

@@ -75,7 +75,7 @@ def dask_results(function: bytes, tasks: Sequence[bytes], names: Sequence[str], 
                 running.add(begin(begun))
                 begun += 1
             yield done.pop(number).result()
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception):  # the results are there; idle processes end by themselves later
             client.run(_close_idle)
 
 
