@@ -4,6 +4,7 @@ Gains act on sRGB values: a factor in linear light is nearly a factor there too,
 colours, where it is not, have little weight.  The true brightness is unknown, so the stations' mean gain is held at 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,15 +66,46 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
     steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
     means, voxels, owners = _voxel_means(steps, rgb, scan, count)
     order = np.argsort(owners, kind="stable")  # voxels ascend within a scan
-    own = [(voxels[mine], means[mine]) for mine in np.split(order, np.searchsorted(owners[order], np.arange(1, count)))]
-    links, weights, ratios = [], [], []
-    for a, b in _overlapping(voxels, owners, count):
-        _, ia, ib = np.intersect1d(own[a][0], own[b][0], assume_unique=True, return_indices=True)
-        first, second = own[a][1][ia], own[b][1][ib]
+    own = [StationVoxels(voxels[mine], means[mine])
+           for mine in np.split(order, np.searchsorted(owners[order], np.arange(1, count)))]
+    pairs = _overlapping(voxels, owners, count)
+    gains, matched, both = _solved(own, pairs)
+    for (a, b), number in zip(pairs, both):
+        shared[a, b] = shared[b, a] = number
+    return Exposures(gains, shared, matched)
+
+
+@dataclass(frozen=True, eq=False)
+class StationVoxels:
+    """What exposures are compared by.  voxels: (M,) int64 numbers of the voxels with points of one station, ascending, each
+    once; the same number is the same voxel for all stations.  means: (M, 3) mean sRGB values in them."""
+
+    voxels: np.ndarray
+    means: np.ndarray
+
+
+def solve_stations(stations: Sequence[StationVoxels]) -> tuple[np.ndarray, np.ndarray]:
+    """Gains (S, 3) as of :func:`solve_exposures`, and which stations could be matched, (S,) bool.
+
+    What a station contributes is in its own voxels: those of others may be kept, and the result is the same."""
+    count = len(stations)
+    voxels = np.concatenate([one.voxels for one in stations] or [np.zeros(0, np.int64)])
+    owners = np.repeat(np.arange(count), [len(one.voxels) for one in stations])
+    gains, matched, _ = _solved(stations, _sharing(voxels, owners, count))
+    return gains, matched
+
+
+def _solved(own: Sequence[StationVoxels], pairs: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Gains (S, 3), matched (S,) bool, and the number of usable voxels that each pair shares."""
+    count = len(own)
+    links, weights, ratios, both = [], [], [], []
+    for a, b in pairs:
+        ia, ib = _common(own[a].voxels, own[b].voxels)
+        first, second = own[a].means[ia], own[b].means[ib]
         usable = np.minimum(first, second).min(1, initial=255) > DARKEST
         usable &= np.maximum(first, second).max(1, initial=0) < BRIGHTEST
-        shared[a, b] = shared[b, a] = int(usable.sum())
-        if usable.sum() < SHARED_VOXELS:
+        both.append(int(usable.sum()))
+        if both[-1] < SHARED_VOXELS:
             continue
         log = np.log(second[usable] / first[usable])
         middle = np.median(log, 0)
@@ -82,22 +114,36 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
             continue
         links.append((a, b))
         ratios.append(middle)
-        weights.append(np.sqrt(min(int(usable.sum()), _MAX_PAIR_VOXELS)) / max(spread, _MIN_SPREAD))
-    matched = np.zeros(count, bool)
+        weights.append(np.sqrt(min(both[-1], _MAX_PAIR_VOXELS)) / max(spread, _MIN_SPREAD))
+    gains, matched = np.ones((count, 3)), np.zeros(count, bool)
     if links:
-        pairs = np.array(links)
-        solved = (_dense if count <= _DENSE else _sparse)(pairs, np.array(ratios), np.array(weights)[:, None], count)
-        matched[pairs.reshape(-1)] = True
+        linked = np.array(links)
+        solved = (_dense if count <= _DENSE else _sparse)(linked, np.array(ratios), np.array(weights)[:, None], count)
+        matched[linked.reshape(-1)] = True
         gains[matched] = np.exp(solved[matched])
-        for group in _groups(pairs, matched):
+        for group in _groups(linked, matched):
             gains[group] *= np.mean(1 / gains[group], axis=0)  # the mean of the stations' own gains, 1 / gains, is then 1
-    return Exposures(gains, shared, matched)
+    return gains, matched, both
+
+
+def _common(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where two ascending arrays without repeats have the same values, in both."""
+    if not len(a) or not len(b):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    at = np.minimum(np.searchsorted(b, a), len(b) - 1)
+    equal = b[at] == a
+    return np.flatnonzero(equal), at[equal]
 
 
 def _overlapping(voxels: np.ndarray, owners: np.ndarray, count: int) -> list[tuple[int, int]]:
     """The pairs a < b of scans that may share SHARED_VOXELS voxels: of few scans all; of many those that share so many."""
     if count <= _DENSE:
         return [(a, b) for a in range(count) for b in range(a + 1, count)]
+    return _sharing(voxels, owners, count)
+
+
+def _sharing(voxels: np.ndarray, owners: np.ndarray, count: int) -> list[tuple[int, int]]:
+    """The pairs a < b of scans that share at least SHARED_VOXELS voxels."""
     from scipy.sparse import csr_matrix
 
     _, voxel = np.unique(voxels, return_inverse=True)

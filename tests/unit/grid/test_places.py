@@ -200,3 +200,37 @@ def test_files_converted_by_workers_give_the_same_grids(tmp_path, monkeypatch):
     assert [name for name, data in made[0][0].items() if made[1][0][name] != data] == []
     assert made[0][1:] == made[1][1:] and len(made[0][0]) > 4 * 5
     assert "tile9.laz" in str(made[0][2])
+
+
+def shaded(folder, name, seed, factor):
+    """A file in a place of 6 x 6 units whose brightness all of them see, times ``factor``."""
+    xyz, _ = surface(40_000, seed, size=6.0)
+    grey = np.clip(np.rint(factor * (90 + 50 * np.sin(xyz[:, 0]) * np.cos(xyz[:, 1]))), 1, 255).astype(np.uint8)
+    return write_las(folder / name, xyz, np.repeat(grey[:, None], 3, axis=1) * np.uint16(257))
+
+
+def measured_in(store) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in (store / "places" / "grids").iterdir()}
+
+
+def test_of_a_replaced_file_only_its_own_grid_is_measured_and_the_place_is_that_of_a_fresh_cache(tmp_path, store, monkeypatch):
+    factors = 1.0, 1.2, 0.85, 0.95, 1.1
+    files = [shaded(tmp_path, f"s{k}.las", k, factor) for k, factor in enumerate(factors)]
+    before = open_scene(files)
+    first = measured_in(store)
+    assert len(first) == before.meta.exposures.matched == 5
+    shaded(tmp_path, "s2.las", 77, 1.3)
+    replaced = open_scene(files)
+    added = measured_in(store).items() - first.items()
+    assert first.items() <= measured_in(store).items() and len(added) == 1
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "fresh"))
+    fresh = open_scene(files)
+    assert fresh.meta.exposures == replaced.meta.exposures != before.meta.exposures
+    assert fresh.spacing == replaced.spacing
+    np.testing.assert_array_equal(packed(fresh), packed(replaced))
+    monkeypatch.setenv("POINTGLASS_CACHE", str(store))
+    for path in (store / "places").rglob("*.*"):  # damage: everything is measured again
+        path.write_bytes(path.read_bytes()[:-100] + b"\1" * 100)
+    again = open_scene(files)
+    assert again.meta.exposures == fresh.meta.exposures
+    np.testing.assert_array_equal(packed(again), packed(fresh))

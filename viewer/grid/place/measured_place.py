@@ -1,7 +1,8 @@
 """What is measured of a place as a whole, kept in the cache beside the grids: gains between stations, point spacing, and where
 black is no colour.
 
-It is measured again where a grid comes, goes or changes, from samples of the points: seconds for hundreds of files.
+It is found again where a grid comes, goes or changes, from what is kept for each grid (viewer.grid.place.station_colours) and a
+few cells of all: a second for hundreds of files.
 """
 
 import contextlib
@@ -20,8 +21,9 @@ from ..cache import mapped
 from ..scene import Scene
 from .join_grids import joined
 from .joined_exposures import applied_gains, has_missing_black, solved_gains, station_counts
+from .station_colours import identity_of_grid
 
-VERSION = 1
+VERSION = 2
 """Of what is kept."""
 
 
@@ -49,8 +51,9 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
 
         with progress(0, "joining the grids") as meter:
             meter.update(0)
-            gains, matched = solved_gains(scenes, stations) if match else (np.ones((sum(stations), 3)), 0)
-            found = Measured(gains, matched, joined_spacing(joined(scenes, folders, mapped)), has_missing_black(scenes))
+            gains, matched = solved_gains(scenes, folders, stations) if match else (np.ones((sum(stations), 3)), 0)
+            spacing = joined_spacing(joined(scenes, folders, mapped))
+            found = Measured(gains, matched, spacing, has_missing_black(scenes, folders))
         _write(kept, found)
     by_grid, summary = applied_gains(found.gains, found.matched, stations)
     scene = replace(joined(scenes, folders, mapped, by_grid, found.missing_black), spacing=found.spacing)
@@ -59,8 +62,7 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
 
 def _kept(scenes: Sequence[Scene], folders: Sequence[Path], match: bool) -> Path:
     """The file in the cache for these grids."""
-    sums = [0 if scene.checksums is None else int(np.bitwise_xor.reduce(np.asarray(scene.checksums))) for scene in scenes]
-    key = [VERSION, match, [[str(folder), scene.count, own] for folder, scene, own in zip(folders, scenes, sums)]]
+    key = [VERSION, match, [identity_of_grid(scene, folder) for scene, folder in zip(scenes, folders)]]
     return cache_dir() / "places" / f"{hashlib.sha256(json.dumps(key).encode()).hexdigest()[:32]}.json"
 
 
