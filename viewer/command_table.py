@@ -120,7 +120,8 @@ def _convert_options(parser: argparse.ArgumentParser) -> None:
                              "date are kept")
     parser.add_argument("--shard", metavar="i/n",
                         help="with --each: convert only every n-th scan, starting with scan i (from 0)")
-    add_workers(parser, "files")
+    add_workers(parser, "files",
+                "as many as processors and memory allow for --each, else this process")
     add_columns(parser)
     add_exposures(parser)
 

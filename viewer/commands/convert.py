@@ -15,6 +15,7 @@ from ..common.workers.worker_choice import Workers
 from ..grid import cache
 from ..grid.build_scene import build_scene
 from ..grid.open_scene import as_paths, each_once, present, say_degrees
+from ..grid.place.own_processes import largest_first, own_processes
 from ..grid.scene import Scene
 from ..preprocess.scan_description import ScanWarning, WarningTopic
 
@@ -82,9 +83,10 @@ def convert_each(
     """Builds the grid of each scan into ``out/NAME``; returns the folders, including those built earlier.
 
     paths: files, or folders of scans.  shard: (i, n), only every n-th scan from the i-th on, so that n processes or machines
-    share the work without communicating.  workers: who converts, each one scan at a time; None: this process.  If a scan cannot
-    be read, the others are still converted; then InputError is raised at the end, which names all such scans and the error of
-    the first.  Raises it at once where two scans would have the same name.
+    share the work without communicating.  workers: who converts, each one scan at a time; None: as many processes as this
+    machine has room for (viewer.grid.place.own_processes).  If a scan cannot be read, the others are still converted; then
+    InputError is raised at the end, which names all such scans and the error of the first.  Raises it at once where two scans
+    would have the same name.
     """
     from ..readers.formats import name_of
 
@@ -99,6 +101,11 @@ def convert_each(
     made: list[Path] = []
     wrong: dict[str, str] = {}
     tasks = [(file, inside(out, name)) for name, file in list(names.items())[shard[0] :: shard[1]]]
+    if workers is None:
+        workers = own_processes([file for file, folder in tasks if not folder.is_dir()])
+    if workers is not None:
+        size = {file: number for number, file in enumerate(largest_first([file for file, _ in tasks]))}
+        tasks.sort(key=lambda task: size[task[0]])
     work = partial(_convert_kept, match=match, columns=columns)
     with closing(run_tasks(work, tasks, workers, label="converting", unit="scan", name=lambda task: task[0].name)
                  if workers is not None else (work(task) for task in tasks)) as results:

@@ -10,12 +10,12 @@ MOST = 256
 """Processes of one machine; a limit for mistyped numbers."""
 
 
-def add_workers(parser: argparse.ArgumentParser, tasks: str) -> None:
-    """Adds both options.  tasks: what is distributed, such as "pictures"."""
+def add_workers(parser: argparse.ArgumentParser, tasks: str, default: str = "this process") -> None:
+    """Adds both options.  tasks: what is distributed, such as "pictures".  default: who does them without the options."""
     group = parser.add_mutually_exclusive_group()
     group.add_argument("--workers", metavar="N",
-                       help=f"distribute the {tasks} over N processes of this machine; the result is the same (default: this "
-                            "process)")
+                       help=f"distribute the {tasks} over N processes of this machine; the result is the same (default: "
+                            f"{default})")
     group.add_argument("--scheduler", metavar="ADDRESS",
                        help=f"distribute the {tasks} over the workers of a Dask scheduler, such as tcp://host:8786; they read "
                             "and write the same paths (needs pointglass[dask])")

@@ -37,7 +37,7 @@ class Progress:
 
     def __init__(self, total: int, label: str, bar, sink: Sink | None, unit: str | None = None):
         self.total, self.label, self.done = int(total), label, 0
-        self._bar, self._sink, self._unit = bar, sink, unit
+        self._bar, self._sink, self._unit, self._said = bar, sink, unit, ""
         self._start = monotonic()
         self._next_line = self._start + _FIRST_LINE
 
@@ -46,23 +46,43 @@ class Progress:
         self.done += int(n)
         if self._bar is not None:
             self._bar.update(int(n))
-        if self._sink is not None and not self._sink(self.label, self.done, self.total):
+        self._ask()
+        self._write_line()
+
+    def _ask(self) -> None:
+        if self._sink is not None and not self._sink(self._label(), self.done, self.total):
             raise Cancelled(f"{self.label}: cancelled")
+
+    def _write_line(self) -> None:
         finished = 0 < self.total <= self.done
         if self._unit is not None and not finished and (now := monotonic()) >= self._next_line:
             self._next_line = now + _NEXT_LINE
             with contextlib.suppress(OSError, ValueError):  # whoever read standard error has gone
                 print(f"pointglass: {self._line(now - self._start)}", file=sys.stderr, flush=True)
 
+    def say(self, text: str) -> None:
+        """Sets what is shown after the label: which of several tasks are under way, and how far they are; "" where that is not
+        known.  Raises Cancelled if the sink asks to stop."""
+        if text != self._said:
+            self._said = text
+            if self._bar is not None:
+                self._bar.set_description_str(printable(self._label()))
+        self._ask()
+        if text:
+            self._write_line()
+
+    def _label(self) -> str:
+        return f"{self.label} ({self._said})" if self._said else self.label
+
     def _line(self, seconds: float) -> str:
         """"rendering: 37 of 200 pictures (18 %), about 1 min 12 s left"."""
         unit = f" {self._unit}" if self._unit else ""
         if not 0 < self.done < self.total:
             counts = f": {self.done:,}{unit}" if self.done else ""
-            return printable(f"{self.label}{counts}, {duration_text(seconds)} so far")
+            return printable(f"{self._label()}{counts}, {duration_text(seconds)} so far")
         left = duration_text(seconds * (self.total - self.done) / self.done)
         share = 100 * self.done // self.total
-        return printable(f"{self.label}: {self.done:,} of {self.total:,}{unit} ({share} %), about {left} left")
+        return printable(f"{self._label()}: {self.done:,} of {self.total:,}{unit} ({share} %), about {left} left")
 
 
 def duration_text(seconds: float) -> str:

@@ -45,7 +45,8 @@ def open_scene(
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
     moves: the rigid transformations of scans that a project has moved; None: all stay where their files have them.
-    workers: who converts the files of a place that are not in the cache; None: this process, one after the other.
+    workers: who converts the files of a place that are not in the cache; None: as many processes
+        as this machine has room for.
     Many or large files have a grid each, which the scene joins (viewer.grid.place.open_place).
     Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where

@@ -15,13 +15,15 @@ import numpy as np
 import pytest
 from las_files import coloured_corner, coloured_las
 
+from pointglass.model.common.process.processors import usable_processors
 from pointglass.viewer.commands.heldout.evaluate_scan import judge_scan
 from pointglass.viewer.common.workers.worker_choice import Workers
+from pointglass.viewer.grid.place.own_processes import WORTH
 
 ROOT = Path(__file__).resolve().parents[3]
 pytestmark = pytest.mark.gl
 FRAMES = 8
-PROGRESS = re.compile(r"^pointglass: [a-z ]+: [\d,]+ .*(left|so far)\n", re.MULTILINE)
+PROGRESS = re.compile(r"^pointglass: [a-z ]+[:,(].*(left|so far)\n", re.MULTILINE)
 """Lines on standard error that come on a busy machine only."""
 
 
@@ -132,6 +134,37 @@ def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
         assert "c.laz" in said
         found.append((content(tmp_path / str(number)), ended.stderr.replace(str(tmp_path / str(number)), "")))
     assert found[0] == found[1] and len(found[0][0]) > 8 and hidden(tmp_path) == []
+
+
+@pytest.mark.skipif(usable_processors() < 2, reason="one processor converts in one process")
+def test_large_scans_are_converted_by_several_processes_without_an_option_whatever_is_killed(tmp_path):
+    rng, choice = np.random.default_rng(4), random.Random(seed := random.getrandbits(32))
+    (folder := tmp_path / "scans").mkdir()
+    for name in "abc":
+        file = coloured_las(folder / f"{name}.las", rng.uniform(0, 3, (300_000, 3)), rng)
+        os.truncate(file, WORTH)  # zeros behind the points
+    assert run("convert", folder / "b.las", "--out", tmp_path / "alone").returncode == 0
+    for fault in "kill", "interrupt":
+        out = tmp_path / fault
+        process = start("convert", folder, "--each", "--out", out)
+        while len(workers := children(process.pid)) < 2:
+            assert process.poll() is None, process.communicate()[1]
+            time.sleep(0.02)
+        time.sleep(choice.uniform(0, 2))
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(choice.choice(children(process.pid) or workers) if fault == "kill" else process.pid,
+                    signal.SIGKILL if fault == "kill" else signal.SIGINT)
+        err = PROGRESS.sub("", process.communicate(timeout=240)[1])
+        assert hidden(tmp_path) == [], (fault, seed)
+        time.sleep(0.1)
+        assert not any(Path(f"/proc/{pid}").exists() for pid in workers), (fault, seed)
+        if fault == "interrupt":
+            assert (process.returncode, err) in ((130, "pointglass: stopped\n"), (0, "")), seed
+            assert run("convert", folder, "--each", "--out", out).returncode == 0, seed  # goes on with those that are left
+        else:
+            assert process.returncode == 0, (seed, err)
+        assert content(out / "b") == content(tmp_path / "alone"), (fault, seed)
+        assert sorted(path.name for path in out.iterdir()) == ["a", "b", "c"], (fault, seed)
 
 
 def at_work(scan, cameras, out, rng):

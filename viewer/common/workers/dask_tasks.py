@@ -123,7 +123,7 @@ def run_task(start: Start, number: int, task: bytes, slots: dict[str, int], vers
     for deaths in range(1, MOST_DEATHS + 1):
         with _process(start) as process, _watched(worker, process):
             try:
-                return process.run(number, task, said.append), said
+                return process.run(number, task, lambda message: message.progress or said.append(message)), said
             except WorkerDied as death:
                 process.dead, how = True, death.how
         if not _wanted(worker):

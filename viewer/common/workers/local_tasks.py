@@ -15,6 +15,7 @@ from ....model.common.process.signals import cleaned, is_stopping
 from ..command_log import say_once
 from ..errors import InputError, Option
 from ..progress import Progress
+from ..text import counted
 from .messages import Done, Said, Start
 from .worker_choice import Workers
 from .worker_process import WorkerDied, WorkerProcess, stop_processes
@@ -24,6 +25,10 @@ MOST_DEATHS = 3
 picked the same task three times."""
 _PAUSE_S = 0.2
 """Seconds before a worker is replaced: where the whole command is being stopped, that is known by then."""
+_SHOWN_S = 0.25
+"""Seconds between two looks at what the workers do."""
+_NAMED = 2
+"""Running tasks that are named in the progress."""
 _log = logging.getLogger(__name__)
 
 
@@ -36,7 +41,11 @@ def local_results(function: bytes, tasks: Sequence[bytes], names: Sequence[str],
         done: dict[int, Done] = {}
         for number in range(len(tasks)):
             while number not in done:
-                found = pool.results.get()
+                try:
+                    found = pool.results.get(timeout=_SHOWN_S)
+                except queue.Empty:
+                    meter.say(pool.running())
+                    continue
                 if isinstance(found, BaseException):
                     raise found
                 done[found.number] = found
@@ -59,6 +68,7 @@ class _Pool:
         self._waiting, self._deaths, self._wanted = deque(range(len(tasks))), [0] * len(tasks), 0
         self._changed, self._ended = threading.Condition(), False
         self._running: set[WorkerProcess] = set()
+        self._progress: dict[int, str] = {}
         self._threads = [threading.Thread(target=self._serve, name=f"{PREFIX}worker {n}", daemon=True) for n in range(count)]
         _log.info("%d worker process%s, %d thread%s each", count, "es" if count > 1 else "", threads,
                   "s" if threads > 1 else "")  # fmt: skip
@@ -72,6 +82,12 @@ class _Pool:
         with self._changed:
             self._wanted = number + 1
             self._changed.notify_all()
+
+    def running(self) -> str:
+        """"a.e57: reading 37 %, b.e57: placing 5 %, and 2 others": the tasks that report how far they are."""
+        known = [f"{self._names[number]}: {text}" for number, text in sorted(self._progress.copy().items())]
+        others = len(known) - _NAMED
+        return ", ".join([*known[:_NAMED], *([f"and {counted(others, 'other')}"] if others > 0 else [])])
 
     def close(self) -> None:
         """All tasks are done: waits until the processes have ended by themselves."""
@@ -123,8 +139,13 @@ class _Pool:
 
     def _did(self, process: WorkerProcess, number: int) -> bool:
         """Whether a task was done; False where the process died.  Raises InputError where that has happened too often."""
+        def told(said: Said) -> None:
+            if said.progress:
+                self._progress[number] = said.progress
+            heard(said)
+
         try:
-            self.results.put(process.run(number, self._tasks[number], heard))
+            self.results.put(process.run(number, self._tasks[number], told))
             return True
         except WorkerDied as death:
             process.close()
@@ -138,6 +159,8 @@ class _Pool:
             check_deaths(self._names[number], self._deaths[number], death.how)
             _log.warning("%s: its worker ended (%s); it is done again", self._names[number], death.how)
             return False
+        finally:
+            self._progress.pop(number, None)
 
 
 def check_deaths(name: str, deaths: int, how: str) -> None:

@@ -31,10 +31,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Said:
-    """What a worker reports: a record of the log, or a line for standard error."""
+    """What a worker reports: a record of the log, a line for standard error, or how far its task is ("reading 37 %")."""
 
     record: logging.LogRecord | None = None
     line: str = ""
+    progress: str = ""
 
 
 @dataclass(frozen=True)

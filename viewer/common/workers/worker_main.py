@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from time import monotonic
 from typing import IO, Any
 
 from ....model.common.loop_cache import NOTICE
@@ -26,6 +27,8 @@ from ..progress import set_sink
 from .messages import Done, Said, Start, failed, receive_bytes, send
 from .run_tasks import opened_function
 
+_TELL_S = 0.3
+"""Seconds between two messages on progress."""
 _STOP_S = 5.0
 """Seconds that a task which is stopped has for its clean-up."""
 
@@ -45,6 +48,20 @@ class _ToParent(logging.Handler):
         sent.threadName = f"worker {os.getpid()}"
         with contextlib.suppress(OSError):  # the command has gone
             self._say(Said(record=sent))
+
+
+class _Progress:
+    """A sink that tells the command how far a task is, a few times a second: the command shows one bar for all tasks."""
+
+    def __init__(self, say: Callable[[Said], None]):
+        self._say, self._next = say, 0.0
+
+    def __call__(self, label: str, done: int, total: int) -> bool:
+        if (now := monotonic()) >= self._next:
+            self._next = now + _TELL_S
+            with contextlib.suppress(OSError):  # the command has gone
+                self._say(Said(progress=f"{label} {100 * done // total} %" if total else label))
+        return True
 
 
 def main() -> None:
@@ -98,7 +115,7 @@ def _report_to(say: Callable[[Said], None], level: int) -> None:
     others = logging.getLogger("py.warnings")
     others.propagate, others.handlers = False, [handler] if level <= logging.DEBUG else [logging.NullHandler()]
     NOTICE.tell = lambda line: say(Said(line=line))
-    set_sink(lambda label, done, total: True)  # the command shows one bar for all
+    set_sink(_Progress(say))
 
 
 def _work(start: Start, tasks: "queue.SimpleQueue[bytes | None]", busy: threading.Event, say: Callable[[Any], None]) -> None:

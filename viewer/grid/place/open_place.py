@@ -16,6 +16,7 @@ from .. import cache as stored
 from ..scene import Scene
 from .convert_files import PlaceOptions, convert_one, known_grids, largest, refuse_none
 from .measured_place import scene_of_grids
+from .own_processes import largest_first, own_processes
 
 if TYPE_CHECKING:
     from ...common.workers.worker_choice import Workers
@@ -31,6 +32,7 @@ def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None
     match, columns, moves, workers: as for viewer.grid.open_scene.  Files whose grid is in the cache are not read.  Raises
     InputError where none can be read or the cache cannot be written; Cancelled where progress is cancelled: grids that are
     complete stay.
+    Without ``workers`` as many processes convert as this machine has room for (viewer.grid.place.own_processes).
     """
     cache = cache_dir()
     options = PlaceOptions(match, columns, tuple((moves or {}).items()))
@@ -41,6 +43,8 @@ def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None
     wanted = [file for file in files if file not in folders]
     if size is None:  # the first grid decides
         wanted.sort(key=lambda file: file != largest(files))
+    if workers is None:
+        workers = own_processes(wanted)
     left = [*wanted]
     with progress(len(wanted), "converting files", " file") as meter:
         for number, file in enumerate(wanted, 1):
@@ -58,6 +62,7 @@ def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None
                 errors[file] = error
             meter.update(1)
     if left:
+        left = largest_first(left)
         work = partial(_converted, cache=cache, options=replace(options, cell_size=size))
         with closing(run_tasks(work, left, workers, label="converting files", unit="file", name=_name)) as made:
             for file, found in zip(left, made, strict=True):
