@@ -1,4 +1,5 @@
-"""Two dates in a real window, by X key and pointer events: compared, coloured in a saved picture, and side by side."""
+"""Two dates, and a scan and a model, in a real window, by X key and pointer events: compared, coloured in a saved picture, and
+side by side."""
 
 import subprocess
 import sys
@@ -6,9 +7,11 @@ import time
 
 import numpy as np
 import pytest
+import trimesh
 from dated_scans import dates_in_colour
 from PIL import Image
 from real_window import RealWindow, until, x_display
+from test_meshes_window import meshes_of
 from test_orthographic_window import shot
 
 from pointglass.viewer.work.pictures.shot_metadata import read_shot
@@ -17,6 +20,7 @@ from pointglass.viewer.work.project import read_project
 pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
 TOOL, START, BESIDE, GRIP = (214, 350), (1107, 280), (1084, 313), (624, 345)
 """The icon of the tool, its button, the box "side by side" and the grip of the handle, in a window of 1280 x 720."""
+START_WITH_MODEL = 1107, 276
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +95,56 @@ def test_two_dates_are_compared_by_clicks_and_the_red_change_is_kept_in_the_proj
     window.wait_for_title("·")
     until(lambda: red(shot(window)) > 0.02, "the change, which the project has")
     window.keys("ctrl+z")
+    window.keys("ctrl+q")
+    assert window.ended() == 0
+
+
+def blue(picture) -> float:
+    """Share of the pixels."""
+    found = colours(picture)
+    return float((found[:, 2] > found[:, 0] + 40).mean())
+
+
+def test_a_scan_is_compared_with_a_model_by_clicks_which_is_kept_drawn_again_and_undone(display, tmp_path, seed):
+    scan, model = tmp_path / "room" / "scan.xyz", tmp_path / "room" / "design.obj"
+    scan.parent.mkdir()
+    np.savetxt(scan, room(seed, 0.03), fmt="%.4f")
+    box = trimesh.creation.box((6.0, 5.0, 3.0))
+    box.apply_translation((3.0, 2.5, 1.5))
+    box.export(model)
+    window = RealWindow(display, tmp_path, "view", scan, model, "--view", "filled")
+    window.wait_for_title("·")
+    until(lambda: meshes_of(scan), "the mesh in the document")
+    time.sleep(4.0)
+    window.keys("x")
+    time.sleep(1.0)
+    window.click(*TOOL)
+    time.sleep(1.0)
+    assert blue(shot(window)) < 0.01
+    window.click(*START_WITH_MODEL)
+    until(lambda: blue(shot(window)) > 0.02, "the floor, which lies inside the model")
+    picture = shot(window)
+    found = colours(picture)
+    assert (found[:, 0] > found[:, 2] + 40).mean() < 0.01, "nothing lies outside"
+    spec = read_shot(picture).spec
+    assert spec.edits.comparison.before == ("design.obj", 12) and not spec.edits.meshes[0].visible
+    assert drawn_again(window, [scan], picture)
+    window.keys("ctrl+s")
+    project = scan.with_name("scan.pointglass")
+    until(project.exists, "the project")
+    kept = read_project(project).comparison
+    assert kept is not None and (kept.method, kept.figures.points) == ("c2m", 150_000)
+    window.keys("ctrl+z")
+    until(lambda: blue(shot(window)) < 0.01 and read_shot(shot(window)).spec.edits.meshes[0].visible, "the mesh shown again")
+    window.keys("ctrl+y")
+    until(lambda: not read_shot(shot(window)).spec.edits.meshes[0].visible, "the comparison again")
+    window.keys("ctrl+q")
+    assert window.ended() == 0
+    for old in tmp_path.glob("pointglass*.png"):
+        old.unlink()
+    window = RealWindow(display, tmp_path, "view", project)
+    window.wait_for_title("·")
+    until(lambda: blue(shot(window)) > 0.02, "the distances, which the project has")
     window.keys("ctrl+q")
     assert window.ended() == 0
 

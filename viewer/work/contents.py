@@ -15,7 +15,7 @@ def contents(document: Document) -> list[str]:
     if classified := sum(change.points.count for change in document.reclassified):
         texts.append(f"a new class for {counted(classified, 'point')}")
     if document.comparison is not None:
-        texts.append("a comparison of two dates")
+        texts.append("a comparison with a model" if document.comparison.with_model else "a comparison of two dates")
     if document.selection:
         texts.append(counted(document.selection.count, "selected point"))
     return texts

@@ -11,6 +11,7 @@ from ...common.errors import InputError
 from ...common.files import out_folder, write_together
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
+from ...picture.meshes.mesh_layer import MeshLayer
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from ...readers.moved_source import Moves
 from ...work.comparing.compare import METHODS, Distances, compare
@@ -21,7 +22,7 @@ from ...work.project import moves_of, read_project
 from ..options import add_columns
 from . import distances_csv, distances_laz, distances_picture
 from .read_cloud import Cloud, check_together, moves_in, opened, read_cloud
-from .scan_and_model import compared_with_model, model_among, read_model
+from .scan_and_model import compared_with_model, layer_of, model_among, read_model
 
 FILES = (distances_laz.NAME, distances_csv.NAME, distances_picture.NAME)
 
@@ -69,14 +70,15 @@ def run(options: argparse.Namespace) -> int:
 
 def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: str, registration: float, limit: float | None,
                      moves: Moves | None, columns: str | None = None, assumed: Callable[[str], object] = lambda line: None,
-                     project: Path | None = None) -> list[str]:
+                     project: Path | None = None, layer: MeshLayer | None = None) -> list[str]:
     """Compares two scans, or a scan with a mesh, and writes FILES into the folder ``out``.  Returns what it found, lines for a
     person.
 
     limit: where the colours end; None: chosen by the changes.  moves: transformations of the scans; project: where a mesh may
-    have been moved.  assumed: is told what is taken for granted of units.  Raises InputError; Cancelled where progress is.
+    have been moved.  layer: the mesh that ``before_path`` is, where it stands; None: as its file and the project say.
+    assumed: is told what is taken for granted of units.  Raises InputError; Cancelled where progress is.
     """
-    model = model_among(before_path, after_path)
+    model = model_among(before_path, after_path) if layer is None else (after_path, before_path)
     if model is not None:
         after_path, before_path = model
         if project is not None:
@@ -89,7 +91,7 @@ def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: 
     with out_folder(out):  # before minutes of work
         after = read_cloud(after_path, other_sources, other_meta)
         if model is not None:
-            before = read_model(before_path, other_meta, project, assumed)
+            before = read_model(layer or layer_of(before_path, other_meta, project, assumed), other_meta)
             distances = compared_with_model(before, after, registration)
         else:
             before = read_cloud(before_path, sources, meta)

@@ -10,6 +10,7 @@ from ...common.text import counted
 from ...work.comparing.compare import Distances
 from ...work.comparing.distance_statistics import NO_COUNTERPART, RAMP, Statistics
 from ...work.comparing.facing import TEXTS
+from ...work.comparing.model_distances import METHOD
 from .change_map import VIEWS, change_map
 from .read_cloud import Cloud
 
@@ -22,7 +23,7 @@ _SIZE, _DPI = (16.0, 10.0), 120
 _INK, _QUIET = "#16191d", "#6a7078"
 _RESERVE = 0.01
 """Share of an axis that is left free."""
-_METHODS = {"c2m": "Each point to the nearest triangle of the model",
+_METHODS = {METHOD: "Each point to the nearest triangle of the model",
             "m3c2": "M3C2: means of both scans in a cylinder along the local normal",
             "c2c": "cloud to cloud: each point to the local plane of the scan before"}  # fmt: skip
 
@@ -37,7 +38,8 @@ def write_picture(path: Path, before: Cloud, after: Cloud, distances: Distances,
     factor, shown = shown_unit(found.limit, unit)
     with progress(len(VIEWS) + 1, f"drawing {NAME}") as meter:
         _maps(figure, after, distances, found, meter)
-        _histogram(figure.add_axes((0.69, 0.49, 0.285, 0.36)), found, factor, shown)
+        of = "distance from the model" if distances.method == METHOD else "distance after - before"
+        _histogram(figure.add_axes((0.69, 0.49, 0.285, 0.36)), found, factor, f"{of}, {shown}")
         meter.update(1)
     _texts(figure, before, after, distances, found, factor, shown)
     figure.savefig(path, format="png", dpi=_DPI)
@@ -65,8 +67,9 @@ def _maps(figure: "Figure", after: Cloud, distances: Distances, found: Statistic
         meter.update(1)
 
 
-def _histogram(page: Any, found: Statistics, factor: float, unit: str) -> None:
-    """Bars in the colours of the maps, the share of each; dashed: the median uncertainty."""
+def _histogram(page: Any, found: Statistics, factor: float, title: str) -> None:
+    """Bars in the colours of the maps, the share of each; dashed: the median uncertainty.  title: what is shown and its
+    unit."""
     from matplotlib.colors import LinearSegmentedColormap
 
     colours = LinearSegmentedColormap.from_list("distance", RAMP / 255)
@@ -80,7 +83,7 @@ def _histogram(page: Any, found: Statistics, factor: float, unit: str) -> None:
             page.axvline(side * found.uncertainty * factor, color=_INK, linestyle=(0, (4, 3)), linewidth=0.9)
     page.set_xlim(edges[0], edges[-1])
     page.set_ylim(0, max(float(share.max(initial=0.0)) * 1.08, 1.0))
-    page.set_xlabel(f"distance after - before, {unit}", fontsize=9, color=_INK)
+    page.set_xlabel(title, fontsize=9, color=_INK)
     page.set_ylabel("points with a distance, %", fontsize=9, color=_INK)
     page.tick_params(labelsize=8, colors=_QUIET)
     for side in ("top", "right"):
@@ -111,7 +114,7 @@ def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, 
         ("median uncertainty, 95 % (dashed)", f"± {length(found.uncertainty)}"),
         ("changed by more than their uncertainty", share(found.changed, found.known)),
         ("beyond the ends of the colours", share(beyond, found.known)),
-        ("no counterpart in the scan before (grey)", share(found.count - found.known, found.count)),
+        ("no counterpart (grey)", share(found.count - found.known, found.count)),
         ("points", f"{found.count:,}"),
         ("registration error included", length(distances.registration) if distances.registration else "none was stated"),
     ]  # fmt: skip

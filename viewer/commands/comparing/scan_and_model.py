@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from ...common.errors import InputError
+from ...picture.meshes.mesh_layer import MeshLayer
 from ...preprocess.scan_description import ScanDescription
 from ...readers.meshes.mesh_formats import is_mesh
 from ...readers.meshes.mesh_store import mesh_of
 from ...work.comparing.compare import Distances
+from ...work.comparing.compared_model import placed_vertices
 from ...work.comparing.model_distances import distances_from_model
 from ...work.meshes.laid_meshes import assumed, new_layer
 from ...work.project import read_project
@@ -26,19 +28,21 @@ def model_among(before: Path, after: Path) -> tuple[Path, Path] | None:
     return (after, before) if models[0] else (before, after)
 
 
-def read_model(path: Path, meta: ScanDescription, project: Path | None, told: Callable[[str], object]) -> Cloud:
-    """The model as a cloud of its corners, in the scan's coordinates.  meta: of the scan.  project: where it may have been
-    moved.  Raises InputError."""
+def layer_of(path: Path, meta: ScanDescription, project: Path | None, told: Callable[[str], object]) -> MeshLayer:
+    """The model beside a scan.  meta: of the scan.  project: where it may have been moved.  told: is told what is assumed.
+    Raises InputError."""
     layer = new_layer(path, meta.metres_per_unit)
     known = () if project is None else read_project(project).meshes
-    laid = [one for one in known if Path(one.path).resolve() == path.resolve()]
-    if laid:
-        layer = laid[0]
-    else:
-        told(f"{path.name}: {assumed(layer, mesh_of(layer.path))}")
-    matrix = layer.matrix
-    vertices = mesh_of(layer.path).vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    return Cloud(path, [], vertices, np.zeros(len(vertices), np.uint16), np.zeros((0, 3)), 0, meta)
+    if laid := [one for one in known if Path(one.path).resolve() == path.resolve()]:
+        return laid[0]
+    told(f"{path.name}: {assumed(layer, mesh_of(layer.path))}")
+    return layer
+
+
+def read_model(layer: MeshLayer, meta: ScanDescription) -> Cloud:
+    """The model as a cloud of its corners, in the scan's coordinates.  meta: of the scan.  Raises InputError."""
+    vertices = placed_vertices(layer, mesh_of(layer.path))
+    return Cloud(Path(layer.path), [], vertices, np.zeros(len(vertices), np.uint16), np.zeros((0, 3)), 0, meta)
 
 
 def compared_with_model(model: Cloud, scan: Cloud, registration: float) -> Distances:

@@ -66,7 +66,9 @@ class ViewPictures:
         if self._document.settings.view not in POINT_VIEWS:
             return None
         if self._changes is not None and self._changes.levels.colours is not None:
-            return change_legend(self._changes.found.limit, self._unit)
+            comparison = self._edits.comparison
+            return change_legend(self._changes.found.limit, self._unit,
+                                 with_model=comparison is not None and comparison.with_model)
         scene = self._renderer.scene
         return legend_of(self._edits, scene, self._unit, lambda: ends_of(self._edits, scene, camera))
 

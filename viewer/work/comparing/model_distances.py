@@ -13,11 +13,12 @@ import numpy as np
 from ....model.common.process.processors import in_rows
 from ...common.errors import InputError
 from ...common.progress import progress
+from ...picture.dates.date_comparison import FROM_MODEL
 from .cloud_scale import CloudScale, scale_of, sizes_for
 from .compare import COVERAGE, Distances
 from .triangle_loops import nearest_weights
 
-METHOD, RULE = "c2m", "model"
+METHOD, RULE = FROM_MODEL, "model"
 _BLOCK = 1 << 18
 """Points between two looks at progress."""
 _LEAST_ROWS = 1 << 12

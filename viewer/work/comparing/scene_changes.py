@@ -1,9 +1,11 @@
-"""Distances between two files of a scene, and the levels that colour its points: what a DateComparison describes.
+"""Distances between two files of a scene, or of one from a mesh beside it, and the levels that colour the points: what a
+DateComparison describes.
 
 Points are the grid's, half a step off at most (Scene.step), in the document's coordinates; what is exported is compared again
 from the files.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,10 +19,12 @@ from ...grid.records.point_marks import file_keys
 from ...grid.scene import packed, positions, scan_numbers
 from ...picture.dates.date_comparison import ChangeFigures, DateComparison
 from ...picture.edits import Edits
+from ...picture.meshes.mesh_layer import MeshLayer
 from ...picture.point_sets import LEFT_OUT, FileKey, PointLevels
 from ..scan_files import FilePart, files_of
 from .change_levels import level_colours, levels_of
 from .compare import Distances, compare
+from .compared_model import ModelPlace, from_layer, model_of, place_of_model
 from .distance_statistics import Statistics, statistics_of
 from .facing import facing_of
 
@@ -31,15 +35,19 @@ if TYPE_CHECKING:
 _BLOCK = 1 << 20
 
 
+Compared = tuple[tuple[FileKey, FileKey, str, float, int], ModelPlace | None]
+"""DateComparison.compared, and the place of its mesh."""
+
+
 @dataclass(frozen=True, eq=False)
 class SceneDistances:
-    """before, after: (n,) and (m,) int64, numbers in the scene of the points of both files.  distances: of those of ``after``.
-    compared: DateComparison.compared.  count: points of the scene."""
+    """before, after: (n,) and (m,) int64, numbers in the scene of the points of both files; of a mesh none.  distances: of
+    those of ``after``.  compared: :func:`compared_of`.  count: points of the scene."""
 
     before: np.ndarray
     after: np.ndarray
     distances: Distances
-    compared: tuple[FileKey, FileKey, str, float]
+    compared: "Compared"
     count: int
 
 
@@ -68,12 +76,17 @@ def keys_of(scene: "Scene") -> tuple[FileKey, ...]:
         return tuple((Path(source).name, 0) for source in scene.meta.sources)
 
 
-def compared_files(scene: "Scene", comparison: DateComparison) -> tuple[FilePart, FilePart]:
-    """The files before and after.  Raises InputError where one is not in the scene, has another number of records now, or
-    cannot be told apart."""
+def compared_of(comparison: DateComparison, meshes: Sequence[MeshLayer]) -> Compared:
+    """What decides the distances.  meshes: of the document.  Raises InputError where its mesh is not among them."""
+    return comparison.compared, place_of_model(model_of(comparison, meshes)) if comparison.with_model else None
+
+
+def compared_files(scene: "Scene", comparison: DateComparison) -> tuple[FilePart | None, FilePart]:
+    """The files before and after; None for a mesh.  Raises InputError where one is not in the scene, has another number of
+    records now, or cannot be told apart."""
     keys, parts = keys_of(scene), files_of(scene)
     found: list[int] = []
-    for name, records in (comparison.before, comparison.after):
+    for name, records in (comparison.before, comparison.after)[comparison.with_model :]:
         number = next((at for at, key in enumerate(keys) if key == (name, records) and at not in found), None)
         if number is None or number >= len(parts):
             now = next((there for other, there in keys if other == name), None)
@@ -85,22 +98,26 @@ def compared_files(scene: "Scene", comparison: DateComparison) -> tuple[FilePart
     if not all(parts[number].apart for number in found):
         raise InputError("the comparison cannot be shown: the grid does not tell the points of its files apart",
                          remedy="open fewer files together")
-    return parts[found[0]], parts[found[1]]
+    return None if comparison.with_model else parts[found[0]], parts[found[-1]]
 
 
-def distances_in(scene: "Scene", comparison: DateComparison) -> SceneDistances:
-    """Compares two files of a scene; what was compared last is kept.  Raises InputError as :func:`compared_files` and
-    viewer.work.comparing.compare do."""
-    if (known := _MADE.get(scene)) is not None and known.compared == comparison.compared:
+def distances_in(scene: "Scene", comparison: DateComparison, meshes: Sequence[MeshLayer] = ()) -> SceneDistances:
+    """Compares two files of a scene, or one with a mesh; what was compared last is kept.  meshes: of the document.  Raises
+    InputError as :func:`compared_of`, :func:`compared_files` and viewer.work.comparing.compare do."""
+    wanted = compared_of(comparison, meshes)
+    if (known := _MADE.get(scene)) is not None and known.compared == wanted:
         return known
     before, after = compared_files(scene, comparison)
-    numbers = _numbers_of(scene, before), _numbers_of(scene, after)
+    numbers = np.zeros(0, np.int64) if before is None else _numbers_of(scene, before), _numbers_of(scene, after)
     one, other = (positions(scene, packed(scene, rows), rows) for rows in numbers)
-    places = [scene.station_places[part.numbers.start : part.numbers.stop] for part in (before, after)]
-    station = scan_numbers(packed(scene, numbers[1])).astype(np.int64) - after.numbers.start
-    facing = facing_of(one if len(one) else np.zeros((1, 3)), *places)  # compare refuses what has no points
-    found = compare(one, other, facing, method=comparison.method, station=station, registration=comparison.registration)
-    made = _MADE[scene] = SceneDistances(*numbers, found, comparison.compared, scene.count)
+    if before is None:
+        found = from_layer(model_of(comparison, meshes), comparison, other)
+    else:
+        places = [scene.station_places[part.numbers.start : part.numbers.stop] for part in (before, after)]
+        station = scan_numbers(packed(scene, numbers[1])).astype(np.int64) - after.numbers.start
+        facing = facing_of(one if len(one) else np.zeros((1, 3)), *places)  # compare refuses what has no points
+        found = compare(one, other, facing, method=comparison.method, station=station, registration=comparison.registration)
+    made = _MADE[scene] = SceneDistances(*numbers, found, wanted, scene.count)
     return made
 
 
@@ -120,6 +137,8 @@ def coloured(scene: "Scene", made: SceneDistances, edits: Edits, comparison: Dat
     found = statistics_of(distance, uncertainty, comparison.limit)
     levels = np.full(made.count, LEFT_OUT, np.uint8)
     shown = comparison.shown
+    if comparison.with_model and shown != "change":  # points of other files, too
+        levels[:] = 0
     if shown == "change":
         levels[made.after] = levels_of(distance, uncertainty, found.limit, certain=comparison.certain)
     else:
@@ -140,7 +159,7 @@ def changes_of(scene: "Scene", edits: Edits) -> Coloured | None:
     """What the comparison of edits shows; None where they have none.  Raises InputError as :func:`distances_in`."""
     if edits.comparison is None:
         return None
-    return coloured(scene, distances_in(scene, edits.comparison), edits, edits.comparison)
+    return coloured(scene, distances_in(scene, edits.comparison, edits.meshes), edits, edits.comparison)
 
 
 def spec_with_changes(scene: "Scene", spec: "PictureSpec") -> "PictureSpec":

@@ -31,9 +31,10 @@ def legend_of(edits: "Edits", scene: "Scene", unit: str, ends: Callable[[], tupl
     return Legend(mode.text, ramp=colours_of(look.colour_by, look.ramp), low=f"{low:.4g}{text}", high=f"{high:.4g}{text}")
 
 
-def change_legend(limit: float, unit: str) -> Legend:
-    """Of a comparison.  limit: where its colours end, to both sides, file units."""
-    return Legend("distance after - before", (), ramp_of_legend(), f"-{limit:.4g} {unit}", f"{limit:.4g} {unit}")
+def change_legend(limit: float, unit: str, *, with_model: bool = False) -> Legend:
+    """Of a comparison.  limit: where its colours end, to both sides, file units.  with_model: of a scan from a mesh."""
+    title = "distance from the model" if with_model else "distance after - before"
+    return Legend(title, (), ramp_of_legend(), f"-{limit:.4g} {unit}", f"{limit:.4g} {unit}")
 
 
 def _listed(colour_by: str, scene: "Scene", given: set[int]) -> Legend:

@@ -1,11 +1,9 @@
 """The rows of the Compare tool in the inspector: which scans, how they are compared, what came of it, and how it is shown."""
 
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from ....common.text import printable
 from ....work.comparing.compare import METHODS
 from ....work.comparing.distance_statistics import change_words
 from ....work.comparing.facing import TEXTS
@@ -16,6 +14,7 @@ from ...kit.worker import Worker
 from ..tool import ToolContext
 
 _SHOWN = {"change": "show the change", "after": "show the scan after", "before": "show the scan before"}
+_FROM_MODEL = {"change": "show the distances", "after": "show the scan's own colours"}
 _SHARES = {"95 %": 0.95, "99 %": 0.99}
 _GRAPH = 64.0
 """Design units: height of the histogram."""
@@ -35,12 +34,15 @@ class Comparing(Protocol):
     @property
     def exporting(self) -> Worker | None: ...
     def parts(self, context: ToolContext) -> list[FilePart]: ...
+    def names(self, context: ToolContext) -> list[str]: ...
+    def model(self, context: ToolContext) -> int | None: ...
     def unit(self, context: ToolContext) -> str: ...
     def choose(self, before: int, after: int) -> None: ...
     def start(self, context: ToolContext) -> None: ...
     def show_beside(self, context: ToolContext, on: bool) -> None: ...
     def show(self, context: ToolContext, **chosen: Any) -> None: ...
     def show_share(self, context: ToolContext, share: float) -> None: ...
+    def show_model(self, context: ToolContext, on: bool) -> None: ...
     def put_away(self, context: ToolContext) -> None: ...
     def open_other(self, context: ToolContext) -> None: ...
     def export(self, context: ToolContext) -> None: ...
@@ -48,27 +50,33 @@ class Comparing(Protocol):
 
 def draw_panel(ui: Any, tool: Comparing, context: ToolContext) -> None:
     """All rows.  ui: the ``imgui`` module, inside a window."""
-    parts = tool.parts(context)
-    if len(parts) < 2:
+    parts, names = len(tool.parts(context)), tool.names(context)
+    if len(names) < 2:
         if parts:
-            ui.text_wrapped("Two scans are compared that are open together, such as a room last year and now.")
+            ui.text_wrapped("Two scans are compared that are open together, such as a room last year and now; or a scan with a "
+                            "model of the tool Meshes.")
             if ui.button("Open a second scan…"):
                 tool.open_other(context)
         else:
             ui.text_wrapped("Scans can be compared once all points are read and their files are told apart.")
         return
-    for label, number, other in (("before", tool.before, tool.after), ("after", tool.after, tool.before)):
-        chosen = _file(ui, label, parts, number)
-        if chosen is not None:
-            swapped = number if chosen == other else other
-            tool.choose(*((chosen, swapped) if label == "before" else (swapped, chosen)))
+    model = tool.model(context)
+    earlier = [number for number in range(len(names)) if parts > 1 or number >= parts]
+    chosen = _file(ui, "compared with" if parts == 1 else "before", names, earlier, tool.before)
+    if chosen is not None:
+        swapped = tool.before if tool.before < parts else (chosen + 1) % parts
+        tool.choose(chosen, swapped if chosen == tool.after else tool.after)
+    chosen = _file(ui, "scan" if model is not None else "after", names, list(range(parts)), tool.after)
+    if chosen is not None:
+        tool.choose(tool.after if chosen == tool.before else tool.before, chosen)
     _method(ui, tool, context)
     if tool.worker is not None:
         work_rows(ui, tool.worker)
         return
     if ui.button("Compare"):
         tool.start(context)
-    _beside(ui, tool, context)
+    if model is None:
+        _beside(ui, tool, context)
     if tool.made is not None and tool.coloured is not None:
         ui.separator()
         _result(ui, tool, context)
@@ -83,15 +91,15 @@ def _beside(ui: Any, tool: Comparing, context: ToolContext) -> None:
         ui.set_tooltip("the scan before left and the scan after right of a handle; each side can have its own view")
 
 
-def _file(ui: Any, label: str, parts: list[FilePart], number: int) -> int | None:
-    """A choice among the files; the number of another one where it was chosen."""
-    names, chosen = [printable(Path(part.path).name) for part in parts], None
+def _file(ui: Any, label: str, names: list[str], offered: list[int], number: int) -> int | None:
+    """A choice among the files and meshes offered; the number of another one where it was chosen."""
+    chosen = None
     ui.text_unformatted(label)
     ui.set_next_item_width(-1)
-    if ui.begin_combo(f"##{label}", names[number]):
-        for at, name in enumerate(names):
+    if ui.begin_combo(f"##{label}", names[number] if number < len(names) else ""):
+        for at in offered:
             ui.push_id(at)
-            if ui.selectable(name, at == number)[0] and at != number:
+            if ui.selectable(names[at], at == number)[0] and at != number:
                 chosen = at
             ui.pop_id()
         ui.end_combo()
@@ -99,15 +107,10 @@ def _file(ui: Any, label: str, parts: list[FilePart], number: int) -> int | None
 
 
 def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
-    ui.text_unformatted("method")
-    ui.set_next_item_width(-1)
-    if ui.begin_combo("##method", tool.method):
-        for name, text in METHODS.items():
-            if ui.selectable(name, name == tool.method)[0]:
-                tool.method = name
-            if ui.is_item_hovered():
-                ui.set_tooltip(text)
-        ui.end_combo()
+    if tool.model(context) is not None:
+        ui.text_wrapped("Each point to the nearest triangle; positive is outside, as the triangles are oriented.")
+    else:
+        _methods(ui, tool)
     ui.text_unformatted(f"registration unsure by, {tool.unit(context)}")
     ui.set_next_item_width(-1)
     value = ui.input_double("##registration", tool.registration, 0.0, 0.0, "%.4g")[1]
@@ -117,6 +120,18 @@ def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
         ui.set_tooltip("95 %, as Align and `pointglass align` state it; it is added to the uncertainty of each distance")
 
 
+def _methods(ui: Any, tool: Comparing) -> None:
+    ui.text_unformatted("method")
+    ui.set_next_item_width(-1)
+    if ui.begin_combo("##method", tool.method):
+        for name, text in METHODS.items():
+            if ui.selectable(name, name == tool.method)[0]:
+                tool.method = name
+            if ui.is_item_hovered():
+                ui.set_tooltip(text)
+        ui.end_combo()
+
+
 def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
     comparison = context.document.comparison
     assert tool.made is not None and tool.coloured is not None
@@ -124,11 +139,19 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
         return
     found, unit = tool.coloured.found, tool.unit(context)
     ui.set_next_item_width(-1)
-    if ui.begin_combo("##shown", _SHOWN[comparison.shown]):
-        for name, text in _SHOWN.items():
+    texts = _FROM_MODEL if comparison.with_model else _SHOWN
+    if ui.begin_combo("##shown", texts[comparison.shown]):
+        for name, text in texts.items():
             if ui.selectable(text, comparison.shown == name)[0] and comparison.shown != name:
                 tool.show(context, shown=name)
         ui.end_combo()
+    if comparison.with_model:
+        named = [layer for layer in context.document.meshes if layer.name == comparison.before[0]][comparison.model :]
+        changed, on = ui.checkbox("show the model", bool(named) and named[0].visible)
+        if changed:
+            tool.show_model(context, on)
+        if ui.is_item_hovered():
+            ui.set_tooltip("it covers the points behind its surfaces")
     if found.known:
         ui.text_wrapped(f"median {found.median:.3g}, sd {found.sd:.3g} {unit}; unsure by {found.uncertainty:.3g} (95 %)")
     for line in change_words(found):

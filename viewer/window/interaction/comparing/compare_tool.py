@@ -1,17 +1,21 @@
-"""Compare: how far the surfaces of one scan lie from those of an earlier one, as colours of its points.
+"""Compare: how far the surfaces of one scan lie from those of an earlier one, or from a mesh, as colours of its points.
 
-Both are files of the scene.  What is compared and how it is shown is part of the document, so that it is undone, saved and
-restored; distances, and the levels of colours made of them, follow from it and are computed on a thread.
+Scans are files of the scene, meshes lie beside it.  What is compared and how it is shown is part of the document, so that it is
+undone, saved and restored; distances, and the levels of colours made of them, follow from it and are computed on a thread.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....common.errors import InputError
-from ....picture.dates.date_comparison import ChangeFigures, DateComparison
+from ....common.text import printable
+from ....picture.dates.date_comparison import DateComparison
 from ....picture.views import POINT_VIEWS
-from ....work.comparing.scene_changes import Coloured, SceneDistances, compared_files, keys_of
+from ....work.comparing.compared_model import model_of, with_model
+from ....work.comparing.scene_changes import Coloured, SceneDistances, compared_files, compared_of, keys_of
+from ....work.document import replaced
 from ....work.measuring.measure_text import unit_name
 from ....work.pictures.points_legend import change_legend
 from ....work.project import moves_of
@@ -23,7 +27,7 @@ from ...session.two_dates import dates_of
 from ..editing import edit, end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
 from .compare_panel import draw_panel
-from .compare_work import colour_work, compare_work, fresh_folder, share_limit
+from .compare_work import colour_work, compare_work, differing, fresh_folder, place_key, share_limit, with_model_hidden
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -32,23 +36,13 @@ FOLDER = "comparisons"
 """Of the remembered folder (viewer.window.file_dialog)."""
 
 
-def _differing(known: DateComparison, now: ChangeFigures) -> list[str]:
-    """Lines that say what a comparison found when the project was saved, and what it finds now."""
-    assert known.figures is not None
-    then = known.figures
-    texts = [f"{figures.changed:,} of {figures.points:,} points changed, median " +
-             ("unknown" if figures.median is None else f"{figures.median:.3g}") for figures in (then, now)]
-    return [f"{known.before[0]} and {known.after[0]}: {texts[0]} when it was saved; now {texts[1]}. A file, its place or this "
-            "program is another one."]
-
-
 class Compare(Tool):
-    """before, after: numbers of files.  method: a key of METHODS.  registration: uncertainty (95 %), file units.
-    beside: whether the handle has the two dates without a comparison, too.  made, coloured: of the document's comparison, None
-    until they are there."""
+    """before, after: numbers of files; from their count on, ``before`` counts meshes.  method: a key of METHODS.  registration:
+    uncertainty (95 %), file units.  beside: whether the handle has the two dates without a comparison, too.  made, coloured: of
+    the document's comparison, None until they are there."""
 
     name, label, icon = "compare", "Compare", icons.COMPARE
-    help = "colour a scan by how far it lies from an earlier one"
+    help = "colour a scan by how far it lies from an earlier one, or from a model"
 
     def __init__(self) -> None:
         self.before, self.after = 0, 1
@@ -60,9 +54,9 @@ class Compare(Tool):
         self._shown: DateComparison | None = None  # that ``coloured`` is of
         self._colouring: Worker | None = None
         self._exporting: tuple[Worker, Path] | None = None
-        self._given_up: DateComparison | None = None  # that cannot be shown, or was cancelled
+        self._given_up: object = None  # place_key of one that cannot be shown, or was cancelled
         self._to_points = False  # whether a view with the colours of points is chosen when they are there
-        self._of: object = None
+        self._of: tuple | None = None
 
     # ---- what there is
 
@@ -73,6 +67,16 @@ class Compare(Tool):
             return []
         found = files_of(scene)
         return found if all(part.apart for part in found) else []
+
+    def names(self, context: ToolContext) -> list[str]:
+        """Of the files, and of the meshes after them."""
+        files = [printable(Path(part.path).name) for part in self.parts(context)]
+        return files + [f"model {printable(layer.name)}" for layer in context.document.meshes] if files else []
+
+    def model(self, context: ToolContext) -> int | None:
+        """Number of the chosen mesh, None where two scans are compared."""
+        number = self.before - len(self.parts(context))
+        return number if 0 <= number < len(context.document.meshes) else None
 
     def unit(self, context: ToolContext) -> str:
         """Of distances."""
@@ -104,15 +108,21 @@ class Compare(Tool):
 
     def start(self, context: ToolContext) -> None:
         """Compares, on a thread."""
-        parts = self.parts(context)
-        if context.scene is None or max(self.before, self.after) >= len(parts) or self.before == self.after:
+        names, model, registration = self.names(context), self.model(context), self.registration
+        if context.scene is None or max(self.before, self.after) >= len(names) or self.before == self.after:
             return
-        keys = keys_of(context.scene)
-        self._compare(DateComparison(keys[self.before], keys[self.after], self.method, self.registration), context)
+        keys, meshes = keys_of(context.scene), context.document.meshes
+        after = keys[self.after]
+        if model is not None:
+            self._compare(lambda: with_model(after, meshes, model, registration), after[0], context)
+        else:
+            made = DateComparison(keys[self.before], after, self.method, registration)
+            self._compare(lambda: made, after[0], context)
 
-    def _compare(self, comparison: DateComparison, context: ToolContext) -> None:
+    def _compare(self, comparison: Callable[[], DateComparison], name: str, context: ToolContext) -> None:
         assert context.scene is not None
-        self.worker = Worker(compare_work(context.scene, comparison), f"Comparing {comparison.after[0]}", context.wake)
+        work = compare_work(context.scene, comparison, context.document.meshes)
+        self.worker = Worker(work, f"Comparing {name}", context.wake)
 
     def show(self, context: ToolContext, **chosen: Any) -> None:
         """Shows the comparison in another way: shown, limit or certain."""
@@ -133,11 +143,22 @@ class Compare(Tool):
 
     def _drop(self, context: ToolContext) -> None:
         """Shows no comparison any more, or not yet."""
-        self.made = self.coloured = self._shown = None
+        if self._colouring is not None:
+            self._colouring.cancel()
+        self._colouring = self.made = self.coloured = self._shown = None
         work = context.session.work
         if work.changes is not None:
+            self._to_points |= work.change_legend is not None and context.session.view_settings.shown_settings.view in POINT_VIEWS
             work.changes = work.change_legend = None
             context.session.view_settings.show_colours()
+
+    def show_model(self, context: ToolContext, on: bool) -> None:
+        """Draws the mesh of the comparison beside the coloured points, or does not."""
+        comparison, meshes = context.document.comparison, context.document.meshes
+        if comparison is not None and comparison.with_model:
+            number = meshes.index(model_of(comparison, meshes))
+            edit(context, f"{'Show' if on else 'Hide'} {meshes[number].name}",
+                 meshes=replaced(meshes, number, replace(meshes[number], visible=on)))
 
     def open_other(self, context: ToolContext) -> None:
         """Asks for a second scan, which is opened with the one that is shown."""
@@ -150,10 +171,11 @@ class Compare(Tool):
 
     def export(self, context: ToolContext) -> None:
         """Asks for a folder and writes there what `pointglass compare` writes."""
-        parts, document = self.parts(context), context.document
-        if self.made is None or self._exporting is not None or max(self.before, self.after) >= len(parts):
+        parts, document, model = self.parts(context), context.document, self.model(context)
+        if self.made is None or self._exporting is not None or max(self.before, self.after) >= len(self.names(context)):
             return
-        before, after = (Path(parts[number].path) for number in (self.before, self.after))
+        layer = None if model is None else document.meshes[model]
+        before, after = Path(parts[self.before].path if layer is None else layer.path), Path(parts[self.after].path)
         limit = None if self.coloured is None else self.coloured.found.limit
 
         def chosen(parent: Path) -> None:
@@ -161,7 +183,7 @@ class Compare(Tool):
 
             out = fresh_folder(parent, f"{after.stem}-compared")
             work = Worker(lambda: write_comparison(before, after, out, method=self.method, registration=self.registration,
-                                                   limit=limit, moves=moves_of(document.scans)),
+                                                   limit=limit, moves=moves_of(document.scans), layer=layer),
                           f"Writing {out.name}", context.wake)  # fmt: skip
             self._exporting = work, out
 
@@ -174,13 +196,14 @@ class Compare(Tool):
             self.worker = None
             known = context.document.comparison
             if done.result is None or done.cancelled or context.scene is None or done.result[1].count != context.scene.count:
-                self._given_up = known if self.made is None else None
+                self._given_up = place_key(known, context.document.meshes) if self.made is None else None
             else:
                 comparison, self.made = done.result
                 self._given_up = None
                 if known is None or known.compared != comparison.compared:
                     self._to_points = True
-                    edit(context, "Compare", comparison=comparison)
+                    meshes = with_model_hidden(context.document.meshes, comparison)
+                    edit(context, "Compare", comparison=comparison, meshes=meshes)
         self._follow_document(context)
         if (done := ended(self._colouring, context, "The change cannot be shown")) is not None:
             self._colouring = None
@@ -200,20 +223,26 @@ class Compare(Tool):
                 self._drop(context)
             self._given_up = None
             return
-        if wanted == self._given_up or self.worker is not None or not self.parts(context):
+        meshes = context.document.meshes
+        if self.worker is not None or not self.parts(context) or place_key(wanted, meshes) == self._given_up:
             return
-        if self.made is None or self.made.compared != wanted.compared:
-            self._drop(context)
-            try:
+        try:
+            compared = compared_of(wanted, meshes)
+            if self.made is None or self.made.compared != compared:
+                self._drop(context)
                 parts, (before, after) = self.parts(context), compared_files(scene, wanted)
-            except InputError as error:
-                self._given_up = wanted
-                context.session.notices.say("A comparison of this project is not shown", error)
+                model = len(parts) + meshes.index(model_of(wanted, meshes)) if before is None else 0
+                self.before = model if before is None else parts.index(before)
+                self.after, self.registration = parts.index(after), wanted.registration
+                self.method = self.method if wanted.with_model else wanted.method
+                self._compare(lambda: wanted, wanted.after[0], context)
                 return
-            self.before, self.after = parts.index(before), parts.index(after)
-            self.method, self.registration = wanted.method, wanted.registration
-            self._compare(wanted, context)
-        elif self._colouring is None and (self._shown != wanted.in_picture or context.session.work.changes is None):
+        except InputError as error:
+            self._drop(context)
+            self._given_up = place_key(wanted, meshes)
+            context.session.notices.say("A comparison of this project is not shown", error)
+            return
+        if self._colouring is None and (self._shown != wanted.in_picture or context.session.work.changes is None):
             work = colour_work(scene, self.made, context.document.edits, wanted)
             self._colouring = Worker(work, "Colouring the change", context.wake)
 
@@ -224,14 +253,15 @@ class Compare(Tool):
         now = (sources, 0 if scene is None else scene.count, transforms_of(context.document.scans, sources))
         if now == self._of:
             return
-        self._of = now
-        for worker in (self.worker, self._colouring):
-            if worker is not None:
-                worker.cancel()
-        self.worker = self._colouring = self._given_up = None
-        self.before, self.after = (0, 1) if max(self.before, self.after) >= len(sources) else (self.before, self.after)
+        others, self._of = self._of is None or self._of[0] != sources, now
+        if self.worker is not None:
+            self.worker.cancel()
+        self.worker = self._given_up = None
         self.beside = False
         self._drop(context)
+        if others:
+            self._to_points = False
+            self.before, self.after = (1, 0) if len(sources) == 1 else (0, 1)
 
     def _take(self, comparison: DateComparison, coloured: Coloured, context: ToolContext) -> None:
         """Shows levels that were made."""
@@ -239,7 +269,8 @@ class Compare(Tool):
         self.coloured, self._shown = coloured, comparison
         session.work.changes = coloured.levels
         coloured_by = comparison.shown == "change"
-        session.work.change_legend = change_legend(coloured.found.limit, self.unit(context)) if coloured_by else None
+        legend = change_legend(coloured.found.limit, self.unit(context), with_model=comparison.with_model)
+        session.work.change_legend = legend if coloured_by else None
         shows_points = session.view_settings.shown_settings.view in POINT_VIEWS
         if self._to_points and coloured_by and not shows_points:
             session.view_settings.show_points()
@@ -256,7 +287,7 @@ class Compare(Tool):
         if known.figures is not None:
             if not figures.differs(known.figures):
                 return
-            context.session.notices.say_also("A comparison has another result than before", *_differing(known, figures))
+            context.session.notices.say_also("A comparison has another result than before", *differing(known, figures))
         work.history.revise(lambda state: replace(state, comparison=replace(state.comparison, figures=figures))
                             if state.comparison is not None and state.comparison.compared == known.compared else state)
 
