@@ -146,11 +146,11 @@ class Compare(Tool):
         if self._colouring is not None:
             self._colouring.cancel()
         self._colouring = self.made = self.coloured = self._shown = None
-        work = context.session.work
+        work, view = context.session.work, context.session.view_settings
         if work.changes is not None:
-            self._to_points |= work.change_legend is not None and context.session.view_settings.shown_settings.view in POINT_VIEWS
+            self._to_points |= work.change_legend is not None and view.shown_settings.view in POINT_VIEWS
             work.changes = work.change_legend = None
-            context.session.view_settings.show_colours()
+            view.show_colours()
 
     def show_model(self, context: ToolContext, on: bool) -> None:
         """Draws the mesh of the comparison beside the coloured points, or does not."""
