@@ -17,6 +17,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -86,8 +87,8 @@ class Publication:
     project: Path | None = None
 
     def write(self, renderer: "Renderer", composer: "Composer", problem: Callable[[str], object]) -> tuple[int, int]:
-        """Makes the folder, in this process; as :meth:`write_by`."""
-        return self.write_by(lambda number: self.write_place(number, renderer, composer), None, problem)
+        """Makes the folder, in this process, which compresses a place while it renders the next one; as :meth:`write_by`."""
+        return self.write_by(_Overlapped(self, renderer, composer), None, problem)
 
     def write_by(self, make: Any, workers: Workers | None, problem: Callable[[str], object]) -> tuple[int, int]:
         """Makes the folder.  make: does :meth:`write_place` for the number of a place, as run_tasks takes it.
@@ -119,13 +120,17 @@ class Publication:
 
     def write_place(self, number: int, renderer: "Renderer", composer: "Composer") -> dict[str, Any]:
         """Renders a place and writes its files.  Returns its record."""
+        faces, record = self.render_place(number, renderer, composer)
+        self.write_faces(number, faces, record)
+        return record
+
+    def render_place(self, number: int, renderer: "Renderer", composer: "Composer") -> tuple[PlaceFaces, dict[str, Any]]:
+        """The pictures of a place, and its record."""
         place = self.places[number]
         faces = render_place(renderer, composer, self._spec(place), place.position, side=self.form.side,
                              depth_side=self.form.small, second=self.form.second)
-        record = {"made_of": self._digest(place), "near": faces.scale.near, "step": faces.scale.step,
-                  "floor": floor_below(faces), "yaw": open_heading(faces)}
-        self._write_place(number, faces, record)
-        return record
+        return faces, {"made_of": self._digest(place), "near": faces.scale.near, "step": faces.scale.step,
+                       "floor": floor_below(faces), "yaw": open_heading(faces)}
 
     @property
     def _parts(self) -> tuple[str, ...]:
@@ -171,7 +176,8 @@ class Publication:
             return None
         return record if good else None
 
-    def _write_place(self, number: int, faces: PlaceFaces, record: dict[str, Any]) -> None:
+    def write_faces(self, number: int, faces: PlaceFaces, record: dict[str, Any]) -> None:
+        """Compresses the pictures of a place and writes its files, all of them or none."""
         def pictures(made: np.ndarray, quality: int) -> list[str]:
             return [base64_text(webp_bytes(picture, quality)) for picture in made]
 
@@ -208,6 +214,33 @@ class Publication:
         if not notes:
             with contextlib.suppress(OSError):
                 (self.out / "notes").rmdir()
+
+
+@dataclass(frozen=True, eq=False)
+class _Overlapped:
+    """``write_place`` for run_tasks: a thread compresses and writes one place while the next one is rendered."""
+
+    made: Publication
+    renderer: "Renderer"
+    composer: "Composer"
+
+    @contextlib.contextmanager
+    def opened(self) -> Iterator[Callable[[int], dict[str, Any]]]:
+        with ThreadPoolExecutor(1) as pool:
+            before: list[Future[None]] = []
+
+            def write_place(number: int) -> dict[str, Any]:
+                faces, record = self.made.render_place(number, self.renderer, self.composer)
+                if before:  # no more than one waits: a place has 30 MB
+                    before.pop().result()
+                before.append(pool.submit(self.made.write_faces, number, faces, record))
+                return record
+
+            try:
+                yield write_place
+            finally:
+                if before:
+                    before.pop().result()
 
 
 @contextlib.contextmanager
