@@ -94,6 +94,10 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         drawn = "document.getElementById('note-small').getContext('2d').getImageData(9, 9, 1, 1).data"
         red, _, blue = page.value(f"[...{drawn}]")[:3]
         assert red > 150 and blue < 60
+        page.value("Object.assign(window.pointglass.view.scene.places[0], { around: true, yaw: 200, pitch: -40 })")
+        page.value("window.pointglass.view.go(0)")  # a place around a thing: one arrives looking at it
+        turned = page.value("(({ yaw, pitch }) => [Math.cos(yaw - 200 * Math.PI / 180), pitch])(window.pointglass.view)")
+        assert np.allclose(turned, [1, np.radians(-40)], atol=1e-6)
         assert page.complaints == []
         folder = site.as_uri()
         outside = [address for address in page.requests if not address.startswith((folder, "data:", "blob:"))]

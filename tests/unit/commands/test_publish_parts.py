@@ -20,7 +20,9 @@ from pointglass.viewer.work.measuring.measure_text import value_text
 from pointglass.viewer.work.measuring.measurement import KINDS
 from pointglass.viewer.work.places.covering_places import covering_places
 from pointglass.viewer.work.places.human_scale import FEET, metre_of
+from pointglass.viewer.work.places.outside_places import outside_places
 from pointglass.viewer.work.places.standing_candidates import standing_candidates
+from pointglass.viewer.work.places.standing_place import SceneSample
 from pointglass.viewer.work.places.walk_map import map_of
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -72,7 +74,7 @@ def test_places_are_planned_in_every_room_and_nowhere_else(seed):
     points = rooms(seed)
     spacing = 0.04
     walk = map_of(points, points.min(axis=0) - 0.2, 0.12, 1.0, spacing)
-    eyes, areas, footing = standing_candidates(walk)
+    eyes, areas, footing, _ = standing_candidates(walk)
     indoors = (eyes[:, 2] > 1.4) & (eyes[:, 2] < 1.9)
     home = areas == areas[indoors][0]
     assert len(eyes) > 30 and not indoors.all()  # one can stand on the roof, too
@@ -93,12 +95,54 @@ def test_nobody_is_put_on_a_table_or_beside_a_column(seed):
     column = np.column_stack([7.7 + 0.25 * np.cos(turn), 2.0 + 0.25 * np.sin(turn), rng.random(4000) * 2.6])
     points = np.concatenate([rooms(seed), table, column])
     walk = map_of(points, points.min(axis=0) - 0.2, 0.12, 1.0, 0.04)
-    eyes, areas, footing = standing_candidates(walk)
+    eyes, areas, footing, _ = standing_candidates(walk)
     on_table = np.abs(eyes[:, 2] - 2.3) < 0.1
     assert on_table.any() and (footing[on_table] < 0.7).all()
     places = covering_places(points, eyes, areas == areas[np.abs(eyes[:, 2] - 1.6).argmin()], 1.0, 12, footing)
     assert (np.abs(places[:, 2] - 1.6) < 0.2).all()
     assert (np.linalg.norm(places[:, :2] - (7.7, 2.0), axis=1) > 0.95).all()
+
+
+def sample_of(points, spacing):
+    """What sample_scene tells of points in metres."""
+    low, high = np.percentile(points, [1, 99], axis=0)
+    level, diagonal = np.full(len(points), 0.5, np.float32), float(np.linalg.norm(high - low))
+    return SceneSample(points, level, low, high, spacing, 1.0, diagonal, 0.5)
+
+
+def test_over_a_landscape_places_stand_clear_above_trees_and_see_all_ground(seed):
+    rng = np.random.default_rng(seed)
+    ground = rng.uniform((0, 0), (500, 260), (60_000, 2))
+    trees = rng.uniform((20, 20), (480, 240), (40, 2)).repeat(300, axis=0) + rng.normal(0, 2, (12_000, 2))
+    flat = np.concatenate([ground, trees])
+    points = np.column_stack([flat, 10 * np.sin(flat[:, 0] / 80)])
+    points[len(ground):, 2] += rng.uniform(0, 25, len(trees))
+    level = sample_of(points, 0.7)
+    places = outside_places(level, 12, coarse=True)
+    assert 2 <= len(places) <= 12 and not any(place.around for place in places)
+    reached = np.zeros(len(ground), bool)
+    for place in places:
+        away = np.linalg.norm(points[:, :2] - place.position[:2], axis=1)
+        assert place.position[2] > points[away < 25, 2].max() + 10
+        assert -0.5 < place.direction[2] < -0.2 and np.isclose(np.linalg.norm(place.direction), 1)
+        assert abs(place.position[2] - place.below - 10 * np.sin(place.position[0] / 80)) < 8
+        reached |= away[: len(ground)] < 3.2 * 56
+    assert reached.mean() > 0.9
+    assert len(outside_places(level, 1, coarse=True)) == 1
+
+
+def test_around_a_thing_places_have_all_of_it_in_view(seed):
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(0.2, 6.0, 3)
+    ball = rng.normal(size=(40_000, 3))
+    points = ball / np.linalg.norm(ball, axis=1)[:, None] * size + rng.uniform(-50, 50, 3)
+    places = outside_places(sample_of(points, 0.01 * size.max()), 12, coarse=False)
+    assert 4 <= len(places) <= 7 and all(place.around for place in places)
+    for place in places:
+        away = points - place.position
+        assert np.degrees(np.arccos(away @ place.direction / np.linalg.norm(away, axis=1))).max() < 37.5  # of the page's 75
+    yaws = np.sort([np.arctan2(place.direction[1], place.direction[0]) for place in places[:-1]])
+    assert np.diff(np.append(yaws, yaws[0] + 2 * np.pi)).max() < np.radians(185)
 
 
 def test_feet_are_told_from_metres_by_the_height_of_rooms(seed):

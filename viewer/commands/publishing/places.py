@@ -13,8 +13,9 @@ from ...common.text import whole_number, with_whole_characters
 from ...work.places.covering_places import covering_places
 from ...work.places.free_places import free_places
 from ...work.places.human_scale import metre_of
+from ...work.places.outside_places import outside_places
 from ...work.places.standing_candidates import standing_candidates
-from ...work.places.standing_place import overview_position, sample_scene
+from ...work.places.standing_place import sample_scene
 from ...work.places.start_view import standing_view
 from ...work.places.up_axis import turned, upright_axes
 from ...work.places.walk_map import build_walk_map
@@ -33,18 +34,25 @@ _FREE = 240
 """Places that are looked at where no floor is known, at each height."""
 _SAME = 0.05
 """Metres within which two places are one."""
+PITCH = -9.0
+"""Degrees of the first view: a little down, so that the rings of other places on the floor are in the picture."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
     """name: for a person.  position: (3,) file coordinates.  heading: (3,) direction of the first view, file axes, not
     straight up or down; None: where most is in view.  metre: file units in a metre; of a file that does not say, as of
-    viewer.work.places.human_scale where the place was planned, else 1."""
+    viewer.work.places.human_scale where the place was planned, else 1.  pitch: degrees of the first view.  below: file units
+    from the eye down to what is beneath a place outside the scan; None: a floor is looked for.  around: whether it looks at a
+    thing from outside, to which one is turned on arrival."""
 
     name: str
     position: np.ndarray
     heading: np.ndarray | None = None
     metre: float = 1.0
+    pitch: float = PITCH
+    below: float | None = None
+    around: bool = False
 
 
 def parse_places(text: str) -> str | int:
@@ -106,27 +114,34 @@ def _viewpoints(document: "Document", scene: "Scene") -> list[Place]:
 
 
 def _planned(scene: "Scene", document: "Document", most: int) -> list[Place]:
-    """Places that see every surface; where nobody can stand, one from which all is in view."""
+    """Places that see every surface; over or around a scan in which nobody can stand."""
     upright, seen = upright_axes(document.up), sample_scene(scene)
     sight = Selection.in_sight(scene, document.edits)
     walk = build_walk_map(sight, upright, seen.metre)
     if walk is not None and scene.meta.metres_per_unit is None and (metre := metre_of(walk)) != seen.metre:
         seen = replace(seen, metre=metre)
         walk = build_walk_map(sight, upright, metre)
-    level, view = turned(seen, upright), standing_view(scene, seen)
+    level, view = turned(seen, upright), standing_view(scene, seen, upright)
+    if view is None:
+        return [
+            Place(f"Place {number}", upright @ place.position, upright @ place.direction, seen.metre, below=place.below,
+                  around=place.around, pitch=float(np.degrees(np.arcsin(place.direction[2]))))
+            for number, place in enumerate(outside_places(level, most, coarse=walk is None), 1)
+        ]  # fmt: skip
     footing = None
     if walk is not None:
-        eyes, areas, footing = standing_candidates(walk)
+        eyes, areas, footing, roomy = standing_candidates(walk)
     else:  # too coarse to tell a step from a wall
         spacing = seen.spacing * float(np.sqrt(max(scene.count / max(len(seen.points), 1), 1.0)))
         eyes = free_places(level.points, spacing, seen.metre, _FREE)
-        areas = np.zeros(len(eyes), int)
-    home = areas == areas[np.linalg.norm(eyes - view[0] @ upright, axis=1).argmin()] if view and len(eyes) else areas == 0
+        areas, roomy = np.zeros(len(eyes), int), np.ones(len(eyes), bool)
+    home = areas == areas[np.linalg.norm(eyes - view[0] @ upright, axis=1).argmin()] if len(eyes) else areas == 0
     inside = level.points[((level.points >= level.low) & (level.points <= level.high)).all(axis=1)]
-    places = covering_places(inside, eyes, home, seen.metre, most, footing) @ upright.T
-    if len(places) == 0:
-        away = np.array([0.35, 0.8, -0.5]) @ upright.T
-        places = np.array([view[0] if view else overview_position(seen, 1.0, away)])
+    # between the tanks of plant_room.laz one has to stand close to them; on the stairs of street_corner.laz nobody need stand
+    kept = home | roomy | (not roomy.any())
+    places = covering_places(inside, eyes[kept], home[kept], seen.metre, most, None if footing is None else footing[kept])
+    places = places @ upright.T
+    places = places if len(places) else view[0][None]
     return [Place(f"Place {number}", place, metre=seen.metre) for number, place in enumerate(places, 1)]
 
 

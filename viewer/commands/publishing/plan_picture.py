@@ -24,12 +24,12 @@ _FULL = 0.985
 @dataclass(frozen=True, eq=False)
 class Plan:
     """alpha: (H, W) uint8, how much was measured.  low, high: (2,) corners of the picture.  floor: height, median of its
-    places."""
+    places; None: a plan of points at all heights."""
 
     alpha: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    floor: float
+    floor: float | None
 
 
 def storeys(floors: np.ndarray, metre: float) -> np.ndarray:
@@ -41,17 +41,20 @@ def storeys(floors: np.ndarray, metre: float) -> np.ndarray:
     return out
 
 
-def plan_of(points: np.ndarray, places: np.ndarray, floor: float, metre: float) -> Plan:
-    """The plan of a storey.  points: (N, 3).  places: (n, 3), which lie inside the picture."""
-    between = points[(points[:, 2] > floor + _SLAB[0] * metre) & (points[:, 2] < floor + _SLAB[1] * metre), :2]
+def plan_of(points: np.ndarray, places: np.ndarray, floor: float | None, metre: float) -> Plan:
+    """The plan of a storey; where ``floor`` is None, of all points.  points: (N, 3).  places: (n, 3), which lie inside the
+    picture."""
+    low, high = (-np.inf, np.inf) if floor is None else (floor + _SLAB[0] * metre, floor + _SLAB[1] * metre)
+    between = points[(points[:, 2] > low) & (points[:, 2] < high), :2]
     shown = np.concatenate([between, places[:, :2]])
     if len(between) > 100:
         low, high = np.percentile(between, [0.5, 99.5], axis=0)
     else:
         low, high = shown.min(axis=0), shown.max(axis=0)
     first, last = places[:, :2].min(axis=0), places[:, :2].max(axis=0)
-    low = np.minimum(np.maximum(low, first - _REACH * metre), first) - _MARGIN * metre
-    high = np.maximum(np.minimum(high, last + _REACH * metre), last) + _MARGIN * metre
+    reach, margin = (np.inf, 0.05 * float((high - low).max())) if floor is None else (_REACH * metre, _MARGIN * metre)
+    low = np.minimum(np.maximum(low, first - reach), first) - margin
+    high = np.maximum(np.minimum(high, last + reach), last) + margin
     pixel = float((high - low).max()) / _LONGEST
     shape = np.maximum(np.ceil((high - low) / pixel).astype(int), 1)
     high = low + shape * pixel

@@ -41,8 +41,10 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
     local = (stands - origin) @ axes
     below = [record["floor"] for record in records]
     height = np.array([down if _FLOOR[0] * metre < down < _FLOOR[1] * metre else EYE * metre for down in below])
+    outside = [place.below is not None for place in places]
+    height = np.where(outside, [place.below or 0.0 for place in places], height)
     floors = local[:, 2] - height
-    storey, plans = plans_of(scene, document, local, floors, origin, metre)
+    storey, plans = plans_of(scene, document, local, None if all(outside) else floors, origin, metre)
     unit = unit_name(scene.meta.metres_per_unit)
     return {
         "generator": f"pointglass {__version__}", "title": title, "view": view,
@@ -50,8 +52,8 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
         "spacing": scene.spacing,
         "places": [
             {"name": place.name, "position": local[number].tolist(), "floor": float(floors[number]),
-             "yaw": record["yaw"] if place.heading is None else _yaw(place.heading @ axes), "plan": int(storey[number]),
-             "near": record["near"], "step": record["step"]}
+             "yaw": record["yaw"] if place.heading is None else _yaw(place.heading @ axes), "pitch": place.pitch,
+             "around": place.around, "plan": int(storey[number]), "near": record["near"], "step": record["step"]}
             for number, (place, record) in enumerate(zip(places, records, strict=True))],
         "plans": [{"picture": base64_text(alpha_png(plan.alpha)), "low": plan.low.tolist(), "high": plan.high.tolist(),
                    "width": plan.alpha.shape[1], "height": plan.alpha.shape[0]} for plan in plans],
@@ -66,12 +68,15 @@ def scene_data(scene: "Scene", document: "Document", places: "list[Place]", reco
     }  # fmt: skip
 
 
-def plans_of(scene: "Scene", document: "Document", local: np.ndarray, floors: np.ndarray,
+def plans_of(scene: "Scene", document: "Document", local: np.ndarray, floors: np.ndarray | None,
              origin: np.ndarray, metre: float) -> tuple[np.ndarray, list[Plan]]:
     """The storey of each place (n,), and the plan of each storey.  local: (n, 3) places, upright, relative to the origin.
-    floors: (n,) heights of the floors under them.  metre: file units in a metre."""
-    storey = storeys(floors, metre)
+    floors: (n,) heights of the floors under them; None: they are outside, over or around the scan.  metre: file units in a
+    metre."""
     points = _points(scene, document, origin, upright_axes(document.up))
+    if floors is None:
+        return np.zeros(len(local), int), [plan_of(points, local, None, metre)]
+    storey = storeys(floors, metre)
     return storey, [plan_of(points, local[storey == level], float(np.median(floors[storey == level])), metre)
                     for level in range(storey.max() + 1)]
 

@@ -51,7 +51,7 @@ def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray
     if len(candidates) == 0 or len(points) == 0:
         return np.zeros((0, 3))
     some = evenly_thinned(points, _POINTS)
-    views = [_sight(some, place) for place in candidates]
+    views = [sight(some, place) for place in candidates]
     seen = np.stack([visible & (away <= REACH * metre) for away, visible, _ in views])
     if not seen.any():
         seen = np.stack([visible for _, visible, _ in views])  # an outlook over a landscape
@@ -61,7 +61,7 @@ def covering_places(points: np.ndarray, candidates: np.ndarray, home: np.ndarray
     worth = np.where(home, 1.0, _ELSEWHERE) * np.array([_room(nearest, metre) for _, _, nearest in views])
     if footing is not None:
         worth = worth * footing * ((footing >= _FIRM) | (footing < _FIRM).all())
-    grounded = np.array([_ground(nearest) for _, _, nearest in views]) >= _GROUNDED
+    grounded = np.array([ground_around(nearest) for _, _, nearest in views]) >= _GROUNDED
     worth = worth * grounded if grounded.any() else worth
     while len(chosen) < most:
         gain = (seen & ~covered).sum(axis=1) * worth * np.where(linked, 1.0, _OUT_OF_SIGHT) * apart
@@ -97,7 +97,7 @@ def _directions(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return row * _COLUMNS + column, far
 
 
-def _sight(points: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sight(points: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distances (n,) of the points, which of them are visible (n,), and the nearest distance in each direction."""
     direction, far = _directions(points - place)
     nearest = np.full(_COLUMNS * _ROWS, np.inf)
@@ -106,7 +106,7 @@ def _sight(points: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _room(nearest: np.ndarray, metre: float) -> float:
-    """Worth of the room around a place, _TIGHT to 1.  nearest: as of :func:`_sight`."""
+    """Worth of the room around a place, _TIGHT to 1.  nearest: as of :func:`sight`."""
     rows = round(_EYE_LEVEL / 180 * _ROWS)
     beside = nearest.reshape(_ROWS, _COLUMNS)[_ROWS // 2 - rows : _ROWS // 2 + rows]
     beside = beside.reshape(rows // 2, 4, _COLUMNS // 2, 2).min(axis=(1, 3))  # between the points of a surface are gaps
@@ -114,13 +114,13 @@ def _room(nearest: np.ndarray, metre: float) -> float:
     return float(np.clip((near - 0.5) / (_ARMS - 0.5), _TIGHT, 1.0))
 
 
-def _ground(nearest: np.ndarray) -> float:
+def ground_around(nearest: np.ndarray) -> float:
     """Share of the directions below the horizon in which something was measured, in blocks of 4 x 4 of them."""
     below = np.isfinite(nearest.reshape(_ROWS, _COLUMNS)[_ROWS // 2 :])
     return float(below.reshape(_ROWS // 8, 4, _COLUMNS // 4, 4).any(axis=(1, 3)).mean())
 
 
 def _in_sight(places: np.ndarray, eye: np.ndarray, nearest: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether nothing lies between ``eye``, with the distances of :func:`_sight`, and each place."""
+    """(n,) bool: whether nothing lies between ``eye``, with the distances of :func:`sight`, and each place."""
     direction, far = _directions(places - eye)
     return far <= 0.95 * nearest[direction]

@@ -10,7 +10,7 @@ from .standing_place import FIELD_OF_VIEW, Sampled, overview_position, view_axes
 
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
-_FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
+FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
 _MARGIN = 0.86  # share of the picture that a framed scan may take
 _FEW = 8_000  # points that decide on a view from outside
 _STRAY = 0.1
@@ -21,11 +21,11 @@ View = tuple[np.ndarray, np.ndarray]
 """(3,) position and (3,) direction of a view."""
 
 
-def inner_points(seen: Sampled) -> np.ndarray:
-    """(n, 3): a few thousand of the points that lie in the scan's range or little outside it."""
+def inner_points(seen: Sampled, most: int = _FEW) -> np.ndarray:
+    """(n, 3): a few thousand, about ``most``, of the points that lie in the scan's range or little outside it."""
     slack = _STRAY * (seen.high - seen.low)
     inside = np.flatnonzero(((seen.points >= seen.low - slack) & (seen.points <= seen.high + slack)).all(axis=1))
-    return seen.points[inside[:: max(1, len(inside) // _FEW)]]
+    return seen.points[inside[:: max(1, len(inside) // most)]]
 
 
 def framed_position(seen: Sampled, aspect: float, direction: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
@@ -57,7 +57,7 @@ def framed_position(seen: Sampled, aspect: float, direction: np.ndarray, points:
 def outside_view(seen: Sampled, aspect: float) -> View:
     """Position and direction: the whole scan, from the side from which most of it is seen and lit."""
     extent = seen.high - seen.low
-    flat = extent[2] < _FLAT * max(float(extent[:2].max()), 1e-300)
+    flat = extent[2] < FLAT * max(float(extent[:2].max()), 1e-300)
     best: tuple[float, View | None] = (-1.0, None)
     points = inner_points(seen)
     for pitch in _PITCHES["tile" if flat else "object"]:
@@ -65,14 +65,14 @@ def outside_view(seen: Sampled, aspect: float) -> View:
             yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
             direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
             view = framed_position(seen, aspect, direction, points), direction
-            value = _visible(seen, view, aspect)
+            value = lit_in_front(seen, view, aspect)
             if value > best[0] + 1e-9:
                 best = value, view
     assert best[1] is not None
     return best[1]
 
 
-def _visible(seen: Sampled, view: View, aspect: float) -> float:
+def lit_in_front(seen: Sampled, view: View, aspect: float) -> float:
     """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
     picture that they cover."""
     some = slice(None, None, max(1, len(seen.points) // _FEW))

@@ -13,7 +13,7 @@ _APART = 0.6
 _MOST = 700
 """Places, at most; larger scans have larger cells."""
 _CLEAR = (0.6, 0.35)
-"""Metres around a place in which nothing is in the way: wished for, and put up with where that leaves no place."""
+"""Metres around a place in which nothing is in the way: of a roomy place, and of any."""
 _AROUND = 1.4
 """Metres around a place whose floor is looked at."""
 _LEVEL, _TABLE = 0.15, 1.5
@@ -30,27 +30,24 @@ _STOREY = 1.0
 """Metres between floors that are taken for two storeys of a cell."""
 
 
-def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Eyes (n, 3), the number of the area (n,) that each stands in, between whose places one can walk, and how good the footing
-    is there (n,), 0 to 1 (:func:`_footing`)."""
+def standing_candidates(walk: WalkMap) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Eyes (n, 3), the number of the area (n,) that each stands in, between whose places one can walk, how good the footing is
+    there (n,), 0 to 1 (:func:`_footing`), and whether it is roomy (n,)."""
     from scipy.spatial import KDTree
 
     metre = walk.metre
     blocks = _centres(walk)
     floors = np.flatnonzero(walk.floor)
     if len(floors) == 0:
-        return np.zeros((0, 3)), np.zeros(0, int), np.zeros(0)
+        return np.zeros((0, 3)), np.zeros(0, int), np.zeros(0), np.zeros(0, bool)
     areas = _areas(blocks[floors], walk.side, metre)
     tree = KDTree(blocks[:, :2])
     picked = _spread(blocks[floors], metre)
-    free = np.zeros(len(picked), bool)
-    for clear in _CLEAR:
-        free = np.array([_is_free(blocks, tree, blocks[floors[at]], clear * metre, metre) for at in picked], bool)
-        if free.any():
-            break
+    roomy, free = (np.array([_is_free(blocks, tree, blocks[floors[at]], clear * metre, metre) for at in picked], bool)
+                   for clear in _CLEAR)  # fmt: skip
     kept = picked[free]
     footing = np.array([_footing(blocks, walk, tree, blocks[floors[at]]) for at in kept])
-    return blocks[floors[kept]] + np.array([0.0, 0.0, EYE_HEIGHT * metre]), areas[kept], footing
+    return blocks[floors[kept]] + np.array([0.0, 0.0, EYE_HEIGHT * metre]), areas[kept], footing, roomy[free]
 
 
 def _centres(walk: WalkMap) -> np.ndarray:

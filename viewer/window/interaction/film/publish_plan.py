@@ -49,7 +49,8 @@ def planned(scene: "Scene", document: "Document", settings: "Settings", wanted: 
     axes, origin = upright_axes(document.up), np.round(scene.bounds.mean(axis=0))
     local = (np.stack([place.position for place in places]) - origin) @ axes
     metre = places[0].metre
-    storey, plans = plans_of(scene, document, local, local[:, 2] - EYE * metre, origin, metre)
+    floors = None if all(place.below is not None for place in places) else local[:, 2] - EYE * metre
+    storey, plans = plans_of(scene, document, local, floors, origin, metre)
     most = int(np.bincount(storey).argmax())
     numbers = np.flatnonzero(storey == most)
     share = (local[numbers, :2] - plans[most].low) / (plans[most].high - plans[most].low)

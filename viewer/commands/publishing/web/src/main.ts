@@ -13,7 +13,7 @@ import { direction, dot, length, minus, plus, type SceneData, times, type Vector
 import { View } from "./view";
 
 const RADIANS = Math.PI / 180;
-const PRELOADED = 3; // places whose first pictures are loaded ahead
+const PRELOADED = 6; // places whose first pictures are loaded ahead
 const WAITED = 3000; // milliseconds that what is loaded ahead waits for the view to rest, at most
 const SAID = 6000; // milliseconds that a message stays
 
@@ -80,8 +80,9 @@ async function start(): Promise<void> {
   });
   const turn = (target: Target) =>
     view.go(target.place, { yaw: target.yaw * RADIANS, pitch: target.pitch * RADIANS, fov: target.fov });
-  const named = parse(location.hash, scene.places.length, { place: 0, yaw: NaN, pitch: -9, fov: 75 });
-  await turn({ ...named, yaw: Number.isNaN(named.yaw) ? scene.places[named.place].yaw : named.yaw });
+  const named = parse(location.hash, scene.places.length, { place: 0, yaw: NaN, pitch: NaN, fov: 75 });
+  const own = scene.places[named.place];
+  await turn({ ...named, yaw: Number.isNaN(named.yaw) ? own.yaw : named.yaw, pitch: Number.isNaN(named.pitch) ? own.pitch : named.pitch });
   by("start").remove();
   document.body.classList.add("ready");
   performance.mark("first picture");
@@ -93,9 +94,9 @@ async function start(): Promise<void> {
 function later(view: View, measuring: Measuring): void {
   const place = view.place;
   const nearest = view.scene.places
-    .map(({ position }, index) => ({ index, away: length(minus(position, view.eye)) }))
+    .map(({ position }, index) => ({ index, away: length(minus(position, view.eye)) * (view.sees(position) ? 1 : 3) }))
     .filter(({ index }) => index !== place.index)
-    .sort((a, b) => a.away - b.away);
+    .sort((a, b) => a.away - b.away); // to one that is not in sight few go next
   window.setTimeout(async () => {
     if (view.place !== place) return;
     if (measuring.on) await view.visits.finest(place);

@@ -7,7 +7,9 @@ export interface PlaceData {
   name: string;
   position: Vector;
   floor: number; // height of the floor under it
-  yaw: number; // degrees counter-clockwise from x
+  yaw: number; // of the first view, degrees counter-clockwise from x
+  pitch: number; // of the first view, degrees
+  around: boolean; // looks at a thing from outside: one is turned to it on arrival
   plan: number; // index into plans
   near: number; // depth of code 1
   step: number; // of the logarithm of depth between two codes

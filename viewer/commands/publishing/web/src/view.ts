@@ -35,7 +35,7 @@ export class View {
   private slow: number[] = [];
   private rest = 0;
   private last = 0;
-  private hop: { start: number; from: Vector; to: Vector; walked: boolean } | null = null;
+  private hop: { start: number; from: Vector; to: Vector; walked: boolean; turn: [number, number] | null; turned: number } | null = null;
   readonly visits: Visits;
   readonly drawn: (() => void)[] = [];
   readonly arrived: (() => void)[] = [];
@@ -122,7 +122,9 @@ export class View {
     try {
       const next = await this.visits.get(index);
       const before = this.place;
-      if (before && before !== next && !this.calm.matches) await this.move(before, next);
+      const { around, yaw, pitch } = this.scene.places[index];
+      if (before && around) look ??= { yaw: (yaw * Math.PI) / 180, pitch: (pitch * Math.PI) / 180, fov: this.fov };
+      if (before && before !== next && !this.calm.matches) await this.move(before, next, around && look ? look : null);
       this.place = next;
       this.eye = this.position(index);
       this.panorama.stand(next.textures, this.eye);
@@ -139,14 +141,16 @@ export class View {
 
   private done: (() => void) | null = null;
 
-  private move(from: LoadedPlace, to: LoadedPlace): Promise<void> {
+  // look: what one is turned to on the way, by the shorter turn.
+  private move(from: LoadedPlace, to: LoadedPlace, look: { yaw: number; pitch: number } | null): Promise<void> {
     const start = this.position(from.index), end = this.position(to.index);
     const way: Vector = [end[0] - start[0], end[1] - start[1], end[2] - start[2]], far = Math.hypot(...way);
     const free = (depth: DepthMap, sign: number) => far < 1e-6 || depth.distance(times(way, sign / far)) >= FREE * far;
     const walked = free(from.depth, 1) || free(to.depth, -1);
     if (walked) this.panorama.begin(from.textures, from.depth, start, to.textures, to.depth, end);
     else this.panorama.beginFade(from.textures, to.textures);
-    this.hop = { start: performance.now(), from: start, to: end, walked };
+    const around = look && Math.atan2(Math.sin(look.yaw - this.yaw), Math.cos(look.yaw - this.yaw));
+    this.hop = { start: performance.now(), from: start, to: end, walked, turn: look && [around!, look.pitch - this.pitch], turned: 0 };
     this.redraw();
     return new Promise((resolve) => (this.done = resolve));
   }
@@ -165,6 +169,11 @@ export class View {
       const t = Math.min((performance.now() - this.hop.start) / HOP, 1);
       const eased = t * t * (3 - 2 * t);
       this.eye = plus(times(this.hop.from, 1 - eased), times(this.hop.to, eased));
+      if (this.hop.turn) {
+        const [yaw, pitch] = times([...this.hop.turn, 0], eased - this.hop.turned);
+        this.turn(this.yaw + yaw, this.pitch + pitch);
+        this.hop.turned = eased;
+      }
       const s = this.hop.walked ? Math.min(Math.max((eased - 0.2) / 0.6, 0), 1) : t;
       opacity = 1 - s * s * (3 - 2 * s);
       if (t >= 1) {

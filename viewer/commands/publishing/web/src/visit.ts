@@ -6,7 +6,7 @@ import { maskTextures, meshesOf, PlaceTextures, textureOf } from "./panorama";
 import type { Texture } from "three";
 import type { SceneData } from "./scene";
 
-const KEPT = 6; // places whose pictures stay on the GPU
+const KEPT = 9; // places whose pictures stay on the GPU
 
 export class LoadedPlace {
   readonly textures = new PlaceTextures();
