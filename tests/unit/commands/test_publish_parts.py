@@ -18,10 +18,10 @@ from pointglass.viewer.commands.publishing.plan_picture import storeys
 from pointglass.viewer.work.measuring.measure_shapes import shapes_of
 from pointglass.viewer.work.measuring.measure_text import value_text
 from pointglass.viewer.work.measuring.measurement import KINDS
-from pointglass.viewer.work.places.covering_places import covering_places
-from pointglass.viewer.work.places.human_scale import FEET, metre_of
-from pointglass.viewer.work.places.outside_places import outside_places
-from pointglass.viewer.work.places.standing_candidates import standing_candidates
+from pointglass.viewer.work.places.planned.covering_places import covering_places
+from pointglass.viewer.work.places.planned.human_scale import FEET, metre_of
+from pointglass.viewer.work.places.planned.outside_places import outside_places
+from pointglass.viewer.work.places.planned.standing_candidates import standing_candidates
 from pointglass.viewer.work.places.standing_place import SceneSample
 from pointglass.viewer.work.places.walk_map import map_of
 

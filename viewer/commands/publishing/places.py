@@ -10,11 +10,11 @@ import numpy as np
 
 from ...common.errors import InputError, Option
 from ...common.text import whole_number, with_whole_characters
-from ...work.places.covering_places import covering_places
 from ...work.places.free_places import free_places
-from ...work.places.human_scale import metre_of
-from ...work.places.outside_places import outside_places
-from ...work.places.standing_candidates import standing_candidates
+from ...work.places.planned.covering_places import covering_places
+from ...work.places.planned.human_scale import metre_of
+from ...work.places.planned.outside_places import outside_places
+from ...work.places.planned.standing_candidates import standing_candidates
 from ...work.places.standing_place import sample_scene
 from ...work.places.start_view import standing_view
 from ...work.places.up_axis import turned, upright_axes
@@ -42,7 +42,7 @@ PITCH = -9.0
 class Place:
     """name: for a person.  position: (3,) file coordinates.  heading: (3,) direction of the first view, file axes, not
     straight up or down; None: where most is in view.  metre: file units in a metre; of a file that does not say, as of
-    viewer.work.places.human_scale where the place was planned, else 1.  pitch: degrees of the first view.  below: file units
+    viewer.work.places.planned.human_scale where the place was planned, else 1.  pitch: degrees of the first view.  below: file units
     from the eye down to what is beneath a place outside the scan; None: a floor is looked for.  around: whether it looks at a
     thing from outside, to which one is turned on arrival."""
 

@@ -5,8 +5,8 @@ Frame: the upright world, file units, as the walk map's.
 
 import numpy as np
 
-from .standing_place import EYE_HEIGHT
-from .walk_map import HEIGHT, STEP, WalkMap
+from ..standing_place import EYE_HEIGHT
+from ..walk_map import HEIGHT, STEP, WalkMap
 
 _APART = 0.6
 """Metres: side of the cells of which each holds one place, at most, on each storey."""

@@ -1,6 +1,6 @@
 """How long a metre is in a scan whose file states no unit: told by how high its rooms are."""
 
-from .walk_map import WalkMap
+from ..walk_map import WalkMap
 
 FEET = 1 / 0.3048
 """Feet in a metre."""

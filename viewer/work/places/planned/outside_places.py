@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..outside_view import FLAT, framed_position, inner_points, lit_in_front, outside_view
+from ..standing_place import Sampled
 from .covering_places import evenly_thinned, ground_around, sight
-from .outside_view import FLAT, framed_position, inner_points, lit_in_front, outside_view
-from .standing_place import Sampled
 
 _HEIGHT = 80.0
 """Height of a place above the ground in spacings of the scan's points: straight down, points are then 6 pixels of a face of

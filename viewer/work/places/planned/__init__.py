@@ -1,0 +1,1 @@
+"""Places of a publication, planned over a scan: on its floors, over a landscape, around a thing."""
