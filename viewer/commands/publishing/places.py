@@ -43,8 +43,8 @@ class Place:
     """name: for a person.  position: (3,) file coordinates.  heading: (3,) direction of the first view, file axes, not
     straight up or down; None: where most is in view.  metre: file units in a metre; of a file that does not say, as of
     viewer.work.places.planned.human_scale where the place was planned, else 1.  pitch: degrees of the first view.  below: file
-    units from the eye down to what is beneath a place outside the scan; None: a floor is looked for.  around: whether it looks at
-    a thing from outside, to which one is turned on arrival."""
+    units from the eye down to what is beneath a place outside the scan; None: a floor is looked for.  around: whether it
+    looks at a thing from outside, to which one is turned on arrival."""
 
     name: str
     position: np.ndarray
