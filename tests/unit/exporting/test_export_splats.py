@@ -107,7 +107,10 @@ def test_a_file_is_read_by_other_libraries_and_lies_on_the_scan(tmp_path, scan, 
         red = xyz[:, 0] > 500_004
     else:
         red = own[:, 0] > 0
-        assert "has no place for the origin 500004, 5e+06, 30" in done.stderr
+        assert "has no place for the origin 500004, 5000002, 30, the scan's axes, unit and reference" in done.stderr
+    if name == "splats.ply":
+        told = run("info", out).stdout
+        assert "units    metre" in told and "UTM zone 32N" in told
     clear = np.abs(own[:, 0]) > 0.2
     assert np.abs(rgb[red & clear].mean(axis=0) * 255 - [234, 39, 78]).max() < 6
     assert np.abs(rgb[~red & clear].mean(axis=0) * 255 - [39, 195, 78]).max() < 6
@@ -149,6 +152,11 @@ def test_units_are_metres_and_up_is_the_document_s(tmp_path, scan):
     assert np.allclose(np.linalg.norm(place[:, 0]), 1 / 0.3048) and np.isclose(np.linalg.det(place[:, :3]), 0.3048**-3)
     xyz = own @ place[:, :3].T + place[:, 3]
     assert abs(np.median(xyz[:, 2]) - 30) < 0.01 and np.allclose(np.ptp(own[:, 1]), np.ptp(xyz[:, 0]) * 0.3048)
+    nameless = replace(feet, meta=replace(feet.meta, crs=None))
+    export(Selection.in_sight(nameless, NO_EDITS), tmp_path / "splats.ply", budget=2000, up=(0.0, 0.0, 1.0))
+    again = open_scene(tmp_path / "splats.ply", cache=False)
+    assert again.meta.metres_per_unit == 0.3048 and again.meta.units == "feet"
+    assert np.abs(again.bounds - scene.bounds).max() < 0.1
 
 
 def test_degrees_are_refused_with_the_remedy(tmp_path):

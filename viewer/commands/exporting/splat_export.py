@@ -19,8 +19,9 @@ from ...work.places.up_axis import upright_axes
 from ...work.selection import Selection
 from ...work.splats.make_splats import splats_of
 from ...work.splats.splat_cloud import Splats
+from .crs_records import without_sources
 from .formats.splat_glb import write_splat_glb
-from .formats.splat_ply import write_splat_ply
+from .formats.splat_ply import UNIT, write_splat_ply
 from .formats.splat_spz import write_splat_spz
 from .losses import Losses
 
@@ -111,10 +112,16 @@ def write_splats(path: Path, target: SplatTarget, selection: Selection, budget: 
         losses.add(f"made from {len(points.xyz):,} points, {points.share:.1%} of those in sight, chosen at random")
     factor, turn = metre or 1.0, target.axes @ upright_axes(up).T
     to_scan = np.concatenate([turn.T / factor, splats.origin[:, None]], axis=1)
-    if target.name == "SPZ" and (splats.origin.any() or factor != 1):
+    if target.name == "SPZ":
+        moved = splats.origin.any() or factor != 1
         x, y, z = splats.origin.tolist()
-        losses.add(f"SPZ has no place for the origin {x:g}, {y:g}, {z:g} and the scan's axes and unit (GLB and PLY have)")
-    about = {"crs": meta.crs or "unknown", "unit": meta.units, "splats_from": f"{len(points.xyz)} measured points"}
+        place = f"the origin {x:.12g}, {y:.12g}, {z:.12g}, " if moved else ""
+        losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system, and the number of points that each "
+                   "splat stands for (GLB and PLY have)")
+    about: dict[str, Any] = {"crs": meta.crs or "unknown", "unit": meta.units,
+                             "splats_from": f"{len(points.xyz)} measured points"}
+    about |= {} if metre is None else {UNIT: metre}
+    about |= {"wkt": wkt} if (wkt := without_sources(meta).wkt) else {}
     placed = splats.turned(turn, factor)
     with progress(len(splats), "writing", "splat") as meter:
         target.write(path, placed, Placed(to_scan, about), meter.update)

@@ -1,7 +1,7 @@
 """PLY of Gaussian splats: the centres as points, coloured by the spherical harmonic of degree 0; and the reader for any PLY.
 
-Splats that are nearly transparent are left out and counted.  A file that pointglass wrote says in a comment how its coordinates
-lead back to the scan's (viewer.commands.exporting.formats.splat_ply); those of other files are kept.
+Splats that are nearly transparent are left out and counted.  A file that pointglass wrote says in comments how its coordinates
+lead back to the scan's, and their unit (viewer.commands.exporting.formats.splat_ply); coordinates of other files are kept.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ FAINT = 0.1
 _COLOURS = ("f_dc_0", "f_dc_1", "f_dc_2")
 _SPLAT = (*_COLOURS, "opacity", "scale_0", "rot_0")
 _RGB = ("red", "green", "blue")
-_FRAME = "frame "
+_FRAME, _UNIT, _UNIT_NAME = "frame ", "metres_per_unit ", "unit "
 _MOVED = 2.0**-36
 """Relative precision of float32 coordinates that were moved to map coordinates, thousands of times as large."""
 
@@ -43,6 +43,8 @@ class SplatPlySource(PlySource):
         self._to_scan = _matrix_in(self._header.comments)
         if self._to_scan is not None and self._to_scan[:, 3].any():
             self.precision = _MOVED
+        if self._to_scan is not None and self.metres_per_unit is None:  # the reference system of PlySource tells it, too
+            self.units, self.metres_per_unit = _unit_in(self._header.comments) or (self.units, None)
         self._faint = 0
         self.warnings.append(f"{path.name}: Gaussian splats, shown as points at their centres with their base colours")
 
@@ -99,3 +101,16 @@ def _matrix_in(comments: tuple[str, ...]) -> np.ndarray | None:
             return numbers.reshape(3, 4) if numbers.shape == (12,) and np.isfinite(numbers).all() else None
     return None
 
+
+
+def _unit_in(comments: tuple[str, ...]) -> tuple[str, float] | None:
+    """Name and metres of the unit of the scan's coordinates, where comments have it."""
+    names = [text[len(_UNIT_NAME) :] for text in comments if text.startswith(_UNIT_NAME)]
+    for text in comments:
+        if text.startswith(_UNIT):
+            try:
+                metres = float(text[len(_UNIT) :])
+            except ValueError:
+                return None
+            return (names[0] if names else "unit", metres) if 0 < metres < np.inf else None
+    return None

@@ -16,6 +16,8 @@ from ....work.splats.splat_cloud import Splats
 MARK = "pointglass splats"
 FRAME = "frame "
 """Begins the comment with the matrix."""
+UNIT = "metres_per_unit"
+"""Begins the comment with the metres in a unit of the scan's coordinates; ``wkt`` that with its reference system."""
 _FIRST = ("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2")
 _REST = tuple(f"f_rest_{number}" for number in range(9))
 """Of degree 1, where splats have it: the three coefficients of red, of green, of blue."""
