@@ -116,8 +116,8 @@ def write_splats(path: Path, target: SplatTarget, selection: Selection, budget: 
         moved = splats.origin.any() or factor != 1
         x, y, z = splats.origin.tolist()
         place = f"the origin {x:.12g}, {y:.12g}, {z:.12g}, " if moved else ""
-        losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system, and the number of points that each "
-                   "splat stands for (GLB and PLY have)")
+        losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system, and the number of points of "
+                   "each splat (GLB and PLY have)")
     about: dict[str, Any] = {"crs": meta.crs or "unknown", "unit": meta.units,
                              "splats_from": f"{len(points.xyz)} measured points"}
     about |= {} if metre is None else {UNIT: metre}
