@@ -5,7 +5,7 @@ Frame: file coordinates throughout; several files are taken to share one frame.
 
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..common.errors import InputError, Option
+from ..common.errors import InputError
 from ..preprocess.scan_description import (
     NO_DESCRIPTION,
     ColourSummary,
     ScanDescription,
     WarningTopic,
 )
-from ..readers.moved_source import refuse_moved_grid
+from ..readers.grid_folder import is_grid
 from .build_scene import build_scene, in_memory, warnings_of
 from .place.many_files import is_place
 from .scene import Scene
@@ -37,7 +37,7 @@ def open_scene(
     paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True, columns: str | None = None,
     moves: "Moves | None" = None, workers: "Workers | None" = None,
 ) -> Scene:
-    """One scene from one or several scan files, or from a folder made by ``convert``.
+    """One scene from one or several scan files and folders made by ``convert``.
 
     cache: store the grid in ``viewer.common.paths.cache_dir()``, and use the one stored there earlier.
     match: give scans of one place the same exposure (viewer.preprocess.exposure_compensation), and treat implausibly frequent
@@ -45,8 +45,7 @@ def open_scene(
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text.text_columns); None: they are recognised.
     moves: the rigid transformations of scans that a project has moved; None: all stay where their files have them.
-    workers: who converts the files of a place that are not in the cache; None: as many processes
-        as this machine has room for.
+    workers: who converts the files of a place that are not in the cache; None: as many processes as this machine has room for.
     Many or large files have a grid each, which the scene joins (viewer.grid.place.open_place).
     Of several files those that cannot be opened are left out, with a warning about each.
     Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
@@ -56,14 +55,15 @@ def open_scene(
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
-        refuse_moved_grid(files[0], moves)
-        scene = stored.load_folder(files[0])
-        if not match and scene.matched:
-            raise InputError("was built with matched exposures, colours as scanned are not in it", file=files[0],
-                             remedy=("give the scan itself, or convert it again with ", Option("--exposures", "as-scanned")))
-        return scene
-    files, left_out = present(files)
-    if cache and is_place(files):
+        from .place.open_place import folder_scene
+
+        return folder_scene(files[0], match, moves)
+    grids = {file for file in files if is_grid(file)}
+    if grids and not cache:
+        raise InputError("folders made by convert are opened together by way of the cache", option="--no-cache",
+                         remedy="leave it out")
+    files, left_out = present(files, grids)
+    if grids or (cache and is_place(files)):
         from .place.open_place import open_place
 
         scene, unread = open_place(files, match=match, columns=columns, moves=moves, workers=workers)
@@ -84,22 +84,25 @@ def is_cached(files: list[Path], match: bool = True, columns: str | None = None,
     """Whether the grids of files are in the cache, so that nothing is converted.  match, columns, moves: as for open_scene."""
     from . import cache as stored
 
-    if is_place(files):
+    grids = {file for file in files if is_grid(file)}
+    if is_place(files) or grids:
         from .place.open_place import missing_grids
 
+        files = [file for file in files if file not in grids]
         return not missing_grids(files, match=match, columns=columns, moves=moves)
     return (stored.folder_of(files, match, columns, moves) / "meta.json").is_file()
 
 
-def present(files: list[Path]) -> tuple[list[Path], list[InputError]]:
-    """The files that are there and not empty, and what is wrong with each of the others.  Raises InputError where none is
-    left, or a file is given alone."""
+def present(files: list[Path], grids: Collection[Path] = ()) -> tuple[list[Path], list[InputError]]:
+    """The files that are there and not empty, and what is wrong with each of the others.  grids: those that are folders made by
+    ``convert``, where such may be among them.  Raises InputError where none is left, or a file is given alone."""
     from ..readers.formats import check_file, none_opens
 
     found, left_out = [], []
     for file in files:
         try:
-            check_file(file)
+            if file not in grids:
+                check_file(file)
             found.append(file)
         except InputError as error:
             if file.is_dir():  # a folder made by convert, or without scans: not a file of the set that failed

@@ -163,7 +163,7 @@ def check_file(path: Path) -> None:
             raise InputError("no such file", file=path)
         if path.is_dir():
             if is_grid(path):
-                raise InputError("a folder made by convert is opened alone", file=path,
+                raise InputError("a folder made by convert is not a scan", file=path,
                                  remedy="give the scans it was made from")
             raise InputError("is a folder, not a scan", file=path, remedy=f"give an {KNOWN}, or a folder made by convert")
         if not path.is_file():

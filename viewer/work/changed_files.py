@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ..grid.cache import load_folder
+from ..readers.grid_folder import is_grid
 from .document import Document, ScanFile
 from .registration.moved_files import is_of
 from .scan_files import FilePart
@@ -23,9 +25,17 @@ def with_files(document: Document, paths: Iterable[Path]) -> Document:
 
 
 def without_file(document: Document, parts: Sequence[FilePart], number: int) -> Document:
-    """The document without one of the files of its scene.  parts: of the scene.  A scan that is a folder becomes its files."""
+    """The document without one of the files of its scene.  parts: of the scene.  A scan that is a folder becomes its files;
+    a folder made by ``convert`` goes where it was made from that file alone, else the document stays as it is."""
     gone, scans = parts[number], []
     for scan in document.scans:
+        if is_grid(Path(scan.path)):
+            held = load_folder(Path(scan.path)).meta.sources
+            if gone.path in held and len(held) > 1:
+                return document
+            if gone.path not in held:
+                scans.append(scan)
+            continue
         inside = [part.path for part in parts if is_of(part.path, scan.path)]
         if gone.path not in inside:
             scans.append(scan)

@@ -11,14 +11,18 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_las, write_ply
 
+from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.common.workers.worker_choice import Workers
+from pointglass.viewer.grid.build_scene import build_scene, in_memory
 from pointglass.viewer.grid.cache import load, load_folder
+from pointglass.viewer.grid.density_layers import Lattice
 from pointglass.viewer.grid.gathered_rows import gathered
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
+from pointglass.viewer.grid.place.relaid_grid import with_cells
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import CHUNK, attributes_of, colours, packed, unpack
 from pointglass.viewer.stream.joined_chunks import JoinedChunks, chunks_of
@@ -234,3 +238,59 @@ def test_of_a_replaced_file_only_its_own_grid_is_measured_and_the_place_is_that_
     again = open_scene(files)
     assert again.meta.exposures == fresh.meta.exposures
     np.testing.assert_array_equal(packed(again), packed(fresh))
+
+
+@pytest.mark.parametrize("power", [-3, 2])
+def test_a_grid_laid_again_is_that_of_its_file_with_such_cells(tmp_path, seed, power):
+    """Larger cells: to the byte.  Smaller ones: but for positions, which are known to a step of the larger cells."""
+    xyz, rgb = surface(150_000, seed, (-7.0, 5e6, 3.0), size=40.0)
+    file = write_las(tmp_path / "a.laz", xyz, rgb, np.arange(len(xyz)) % 999, classes=np.arange(len(xyz)) % 3)
+    made = convert([file], tmp_path / "grid", match=False)
+    size = made.cell_size * 2.0**power
+    laid, folder = with_cells(made, tmp_path / "grid", size)
+    expected = build_scene([file], in_memory, match=False, lattice=Lattice(size, made.layers))
+    for name in "cell_coords", "offsets", "origin", "bounds", "cell_size", "parts", "layers":
+        np.testing.assert_array_equal(getattr(laid, name), getattr(expected, name), err_msg=name)
+    np.testing.assert_array_equal(laid.records.low, expected.records.low)
+    np.testing.assert_array_equal(laid.points[:, 2], expected.points[:, 2])
+    np.testing.assert_array_equal(laid.points[:, 1] >> 16, expected.points[:, 1] >> 16)
+    if power > 0:
+        for name in "points", "faces", "boxes":
+            np.testing.assert_array_equal(getattr(laid, name), getattr(expected, name), err_msg=name)
+    assert np.abs(unpack(laid)[0] - unpack(expected)[0]).max() <= max(made.step, laid.step)
+    assert with_cells(load_folder(tmp_path / "grid"), tmp_path / "grid", size)[1] == folder != tmp_path / "grid"
+    assert with_cells(made, tmp_path / "grid", made.cell_size) == (made, tmp_path / "grid")
+
+
+def test_folders_of_convert_and_files_are_opened_together(tmp_path, store, caplog):
+    """A folder of two files, one of a much denser file, whose cells are smaller, and a file."""
+    wide = [shaded(tmp_path, f"wide{k}.las", k, factor) for k, factor in enumerate((1.0, 1.25))]
+    convert(wide, tmp_path / "wide", match=False)
+    xyz, rgb = surface(20_000, 5, (2.0, 2.0, 0.0), size=0.3)
+    dense = write_las(tmp_path / "dense.laz", xyz, rgb)
+    convert([dense], tmp_path / "dense")
+    assert load_folder(tmp_path / "dense").cell_size < load_folder(tmp_path / "wide").cell_size
+    extra = shaded(tmp_path, "extra.las", 8, 0.9)
+    given = [tmp_path / "dense", extra, tmp_path / "wide"]
+    with caplog.at_level("WARNING"):
+        scene = open_scene(given)
+    assert [record.message.split(": ")[0] for record in caplog.records] == [str(tmp_path / "dense")]
+    assert "is laid again in cells of" in caplog.text
+    assert [Path(file).name for file in scene.meta.sources] == ["dense.laz", "extra.las", "wide0.las", "wide1.las"]
+    assert scene.meta.exposures.matched == 3 and scene.cell_size == load_folder(tmp_path / "wide").cell_size
+    values, drawn = FileRecords(scene).of(slice(0, scene.count)), unpack(scene)
+    assert values.exact
+    np.testing.assert_allclose(values.xyz, drawn[0], atol=2 * scene.step)
+    np.testing.assert_array_equal(values.source, values.station)
+    written = grids_in(store)
+    caplog.clear()
+    again = open_scene(given)
+    np.testing.assert_array_equal(packed(again), packed(scene))
+    assert grids_in(store) == written and caplog.records == []
+    for file in (*wide, dense):
+        file.unlink()
+    np.testing.assert_array_equal(packed(open_scene(given)), packed(scene))  # the folders are enough
+    damaged = tmp_path / "wide" / "points.npy"
+    damaged.write_bytes(damaged.read_bytes()[:-100])
+    with pytest.raises(InputError, match="wide: damaged grid"):
+        open_scene(given)

@@ -8,6 +8,7 @@ import pytest
 from cloud_files import surface, write_ply
 from window_session import until_idle
 
+from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.registering.align_tool import Align
@@ -85,3 +86,17 @@ def test_a_file_that_cannot_be_read_is_named_and_the_scene_stays(window, tmp_pat
     window.turn()
     assert window.names() == ["part0.ply", "part1.ply"]
     assert "bad.ply" in window.session.notices.message.text
+
+
+def test_a_folder_made_by_convert_is_added_and_removed_like_a_file(window, tmp_path):
+    convert(window.paths[2:], tmp_path / "grid")
+    edit = window.session.work.edit
+    edit("Add a folder", scans=with_files(window.session.document, [tmp_path / "grid"]).scans)
+    window.turn()
+    assert window.names() == ["part0.ply", "part1.ply", "part2.ply"]
+    window.remove(2)
+    assert window.names() == ["part0.ply", "part1.ply"] and len(window.session.document.scans) == 2
+    window.session.work.undo()
+    window.turn()
+    window.remove(0)
+    assert window.names() == ["part1.ply", "part2.ply"]

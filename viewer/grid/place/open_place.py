@@ -1,6 +1,6 @@
-"""Opens files as a place: each file's grid from the cache, or converted; then joined."""
+"""Opens files and folders made by ``convert`` as a place: each file's grid from the cache, or converted; then joined."""
 
-import logging
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
@@ -8,36 +8,76 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...common.errors import InputError
+from ...common.errors import InputError, Option
 from ...common.paths import cache_dir
 from ...common.progress import named_progress, progress
 from ...common.workers.run_tasks import run_tasks
+from ...readers.moved_source import refuse_moved_grid
 from .. import cache as stored
 from ..scene import Scene
 from .convert_files import PlaceOptions, convert_one, known_grids, largest, refuse_none
 from .measured_place import scene_of_grids
 from .own_processes import largest_first, own_processes
+from .relaid_grid import with_cells
 
 if TYPE_CHECKING:
     from ...common.workers.worker_choice import Workers
     from ...readers.moved_source import Moves
 
-_log = logging.getLogger(__name__)
 
-
-def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None,
+def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None,
                workers: "Workers | None" = None) -> tuple[Scene, list[InputError]]:
-    """One scene of ``files``, and why each of those that are not in it could not be read.
+    """One scene of files, and of folders made by ``convert``, and why each of the files that are not in it could not be read.
 
-    match, columns, moves, workers: as for viewer.grid.open_scene.  Files whose grid is in the cache are not read.  Raises
-    InputError where none can be read or the cache cannot be written; Cancelled where progress is cancelled: grids that are
-    complete stay.
-    Without ``workers`` as many processes convert as this machine has room for (viewer.grid.place.own_processes).
+    match, columns, moves, workers: as for viewer.grid.open_scene.  Files whose grid is in the cache are not read.  Without
+    ``workers`` as many processes convert as this machine has room for (viewer.grid.place.own_processes).  Folders decide on
+    the cells; where theirs differ, those of the fewest points are laid again (viewer.grid.place.relaid_grid).  Raises
+    InputError where a folder cannot be used, no file can be read or the cache cannot be written; Cancelled where progress is
+    cancelled: grids that are complete stay.
     """
-    cache = cache_dir()
+    given = {path: folder_scene(path, match, moves) for path in paths if path.is_dir()}
+    files = [path for path in paths if path not in given]
     options = PlaceOptions(match, columns, tuple((moves or {}).items()))
+    folders, size, errors = _converted_files(files, options, _size_of_most(list(given.values())), workers)
+    if files and not given:
+        refuse_none(files, list(errors.values()))
+    opened: list[tuple[Scene, Path]] = []
+    for path in paths:
+        if path in given:
+            assert size is not None
+            opened.append(with_cells(given[path], path, size))
+        elif path in folders:
+            opened.append((_opened(folders[path], path, cache_dir(), replace(options, cell_size=size)), folders[path]))
+    scene = scene_of_grids([scene for scene, _ in opened], [folder for _, folder in opened], match=match)
+    return scene, [errors[file] for file in files if file in errors]
+
+
+def folder_scene(folder: Path, match: bool, moves: "Moves | None") -> Scene:
+    """The grid in a folder made by ``convert``.  Raises InputError where it is damaged, moved, or was built with matched
+    exposures and colours as scanned are asked for."""
+    refuse_moved_grid(folder, moves)
+    scene = stored.load_folder(folder)
+    if not match and scene.matched:
+        raise InputError("was built with matched exposures, colours as scanned are not in it", file=folder,
+                         remedy=("give the scan itself, or convert it again with ", Option("--exposures", "as-scanned")))
+    return scene
+
+
+def _size_of_most(scenes: Sequence[Scene]) -> float | None:
+    """The size of the cells of the most points; None where there are no scenes."""
+    votes: Counter[float] = Counter()
+    for scene in scenes:
+        votes[scene.cell_size] += scene.count
+    return max(votes, key=lambda size: (votes[size], size)) if votes else None
+
+
+def _converted_files(files: Sequence[Path], options: PlaceOptions, size: float | None, workers: "Workers | None"
+                     ) -> tuple[dict[Path, Path], float | None, dict[Path, InputError]]:
+    """The folders in the cache of the grids of files, the size of their cells, and why others could not be read.  size: None:
+    that of the most in the cache, or as the largest file asks for."""
+    cache = cache_dir()
     known = known_grids(files, cache, options)
-    size = known.common_size()
+    size = known.common_size() if size is None else size
     folders = {file: sizes[size] for file, sizes in known.folders.items() if size is not None and size in sizes}
     errors: dict[Path, InputError] = {}
     wanted = [file for file in files if file not in folders]
@@ -70,10 +110,7 @@ def open_place(files: Sequence[Path], *, match: bool = True, columns: str | None
                     errors[file] = found
                 else:
                     folders[file] = found
-    refuse_none(files, list(errors.values()))
-    opened = [file for file in files if file in folders]
-    scenes = [_opened(folders[file], file, cache, replace(options, cell_size=size)) for file in opened]
-    return scene_of_grids(scenes, [folders[file] for file in opened], match=match), [errors[f] for f in files if f in errors]
+    return folders, size, errors
 
 
 def _name(file: Path) -> str:

@@ -139,10 +139,11 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
 
 
 def _is_in(scene: "Scene", file: Path) -> bool:
-    """Whether a scene holds the points of a file, or of a folder of an octree."""
+    """Whether a scene holds the points of a file, or of a folder of an octree or made by ``convert``."""
     from ...grid.open_scene import as_paths
+    from ...readers.grid_folder import is_grid
 
-    return any(str(path.absolute()) in scene.meta.sources for path in as_paths(file, fetch=False))
+    return is_grid(file) or any(str(path.absolute()) in scene.meta.sources for path in as_paths(file, fetch=False))
 
 
 class ScanLoads:

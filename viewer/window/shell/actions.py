@@ -141,6 +141,9 @@ class WindowActions:
             return
         parts = files_of(scene)
         found = without_file(session.document, parts, [one.path for one in parts].index(part.path))
+        if found is session.document:
+            session.notices.toast(f"{Path(part.path).name} shares a folder made by convert with other files, and stays in it")
+            return
         session.work.edit(f"Remove {Path(part.path).name}", scans=found.scans, hidden_stations=found.hidden_stations)
 
     def act_on_notice(self, offer: Offer) -> None:
