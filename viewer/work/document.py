@@ -26,6 +26,8 @@ from .viewpoint import Viewpoint
 
 LONGEST_STAY = 3600.0
 """Seconds at a keyframe of a camera path."""
+LONGEST_TITLE, LONGEST_TEXT = 600.0, 300
+"""Seconds that a text is shown in a film, and its letters."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +53,28 @@ class ScanFile:
 
 
 @dataclass(frozen=True)
+class FilmTitle:
+    """A text over a film.  text: its lines.  seconds: how long it is shown, with the time in which it appears and fades."""
+
+    text: str
+    seconds: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not self.text.strip() or len(self.text) > LONGEST_TEXT:
+            raise InputError(f"title of {len(self.text)} letters: expected 1 to {LONGEST_TEXT}")
+        if not 0.1 <= self.seconds <= LONGEST_TITLE:
+            raise InputError(f"title {self.text[:30]!r}: {self.seconds!r}: expected 0.1 to {LONGEST_TITLE:g} seconds")
+
+
+@dataclass(frozen=True)
 class Keyframe:
     """A view that the camera path passes at ``time``, seconds from its beginning.  stay: seconds that the camera stays there,
-    of the film's length."""
+    of the film's length.  caption: shown from when the camera arrives."""
 
     time: float
     view: Viewpoint
     stay: float = field(default=0.0, metadata=UNLESS_DEFAULT)
+    caption: FilmTitle | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.time) and self.time >= 0):
@@ -69,12 +86,13 @@ class Keyframe:
 @dataclass(frozen=True)
 class CameraPath:
     """Keyframes in order of time.  fps: pictures a second.  closed: the last keyframe leads back to the first.  ease: whether
-    the film begins and ends slowly."""
+    the film begins and ends slowly.  title: shown when it begins."""
 
     keyframes: tuple[Keyframe, ...] = ()
     fps: float = 30.0
     closed: bool = False
     ease: bool = field(default=False, metadata=UNLESS_DEFAULT)
+    title: FilmTitle | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         times = [key.time for key in self.keyframes]
@@ -124,12 +142,15 @@ def with_whole_names(document: Document) -> Document:
     def points(measurement: Measurement) -> tuple[MeasuredPoint, ...]:
         return tuple(replace(point, scan=with_whole_characters(point.scan)) for point in measurement.points)
 
-    keys = tuple(replace(key, view=named(key.view)) for key in document.path.keyframes)
+    def titled(title: FilmTitle | None) -> FilmTitle | None:
+        return None if title is None else replace(title, text=with_whole_characters(title.text)[:LONGEST_TEXT])
+
+    keys = tuple(replace(key, view=named(key.view), caption=titled(key.caption)) for key in document.path.keyframes)
     return replace(
         document,
         clips=tuple(map(named, document.clips)),
         viewpoints=tuple(map(named, document.viewpoints)),
-        path=replace(document.path, keyframes=keys),
+        path=replace(document.path, keyframes=keys, title=titled(document.path.title)),
         measurements=tuple(replace(named(made), points=points(made)) for made in document.measurements),
         annotations=tuple(note.with_whole_texts() for note in document.annotations),
         regions=tuple(map(named, document.regions)),

@@ -56,14 +56,16 @@ def test_a_camera_path_is_frames_where_it_is_as_long_as_it_says_and_keyframes_ot
     file = tmp_path / "camera_path.json"
     cameras = [key((x, 0, 1), (x, 5, 1)) for x in range(5)]
     write_camera_path(file, cameras)
-    frames, rate = read_path(file)
+    read = read_path(file)
+    frames, rate = read.cameras, read.rate
     assert len(frames) == 5 and rate == 24.0
     assert all(np.allclose(a.camera_to_world, b.camera_to_world) for a, b in zip(frames, cameras, strict=True))
     data = json.loads(file.read_text())
     file.write_text(json.dumps(data | {"seconds": 2.0, "fps": 10}))
-    frames, rate = read_path(file)
+    read = read_path(file)
+    frames, rate = read.cameras, read.rate
     assert (len(frames), rate) == (20, 10.0)
-    assert len(read_path(file, seconds=1, fps=30)[0]) == 30
+    assert len(read_path(file, seconds=1, fps=30).cameras) == 30
 
 
 @pytest.mark.parametrize(("change", "said"), [

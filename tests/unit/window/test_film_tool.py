@@ -19,8 +19,9 @@ from pointglass.viewer.window.interaction.section.section_tool import SectionToo
 from pointglass.viewer.window.interaction.tool import KeyEvent, ToolContext
 from pointglass.viewer.work.cameras.camera_files import read_cameras
 from pointglass.viewer.work.cameras.keyframes import cameras_along, passing_seconds, path_seconds
-from pointglass.viewer.work.document import CameraPath, Document, Keyframe
+from pointglass.viewer.work.document import CameraPath, Document, FilmTitle, Keyframe
 from pointglass.viewer.work.pictures.shot_metadata import camera_line
+from pointglass.viewer.work.project import read_project, write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
 
@@ -76,7 +77,8 @@ def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(co
     film.path.set_length(context, 2.0)
     path = context.document.path
     film.path.write_path(context, film.size, tmp_path / "path.json")
-    cameras, rate = read_path(tmp_path / "path.json")
+    film_path = read_path(tmp_path / "path.json")
+    cameras, rate = film_path.cameras, film_path.rate
     assert rate == path.fps and len(cameras) == 60
     for made, own in zip(cameras, film.job(context, tmp_path / "film.mp4").cameras, strict=True):
         assert np.allclose(made.camera_to_world, own.camera_to_world, atol=1e-9) and made.fx == pytest.approx(own.fx)
@@ -87,6 +89,29 @@ def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(co
     film.path.write_path(context, film.size, tmp_path / "gone" / "path.json")
     told = context.session.notices.message.text
     assert told.startswith(f"{tmp_path / 'gone' / 'path.json'}: cannot be written (No such file or directory); choose")
+
+
+def test_titles_go_with_a_path_to_its_file_and_back_and_are_undone(context, tmp_path):
+    film = Film()
+    with_path(context, film, 3)
+    film.path.change_title(context, FilmTitle("Halle 7\n漢字", 2.5))
+    film.path.change_title(context, FilmTitle("The end"), 2)
+    film.path.change_title(context, FilmTitle("The end"), 2)  # nothing new is no step
+    film.path.change_stay(context, 1, 0.5)
+    path = context.document.path
+    shown = film.job(context, tmp_path / "film.mp4").titles.shown
+    assert [(title.text, title.begin, title.seconds, title.opening) for title in shown] == [
+        ("Halle 7\n漢字", 0.0, 2.5, True), ("The end", 2.0, 4.0, False)], "the caption of the end is shown as long as it says"
+    film.path.write_path(context, film.size, tmp_path / "path.json")
+    for _ in range(3):
+        context.session.work.undo()
+    assert context.document.path.title is None and not any(key.caption for key in context.document.path.keyframes)
+    film.path.read_path(context, tmp_path / "path.json")
+    read = context.document.path
+    assert (read.title, [key.caption for key in read.keyframes]) == (path.title, [None, None, FilmTitle("The end")])
+    assert [key.stay for key in read.keyframes] == [0.0, 0.5, 0.0]
+    write_project(tmp_path / "a.pointglass", Document(path=path))
+    assert read_project(tmp_path / "a.pointglass").path == path
 
 
 def test_a_keyframe_is_selected_reordered_given_a_lens_replaced_and_deleted(context):

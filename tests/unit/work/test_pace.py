@@ -88,14 +88,15 @@ def test_a_saved_path_makes_the_same_film(tmp_path):
     keys, file = cameras(4), tmp_path / "camera_path.json"
     pace = Pace(9.0, (0.0, 1.5, 0.0, 0.5), ease=True)
     write_camera_path(file, keys, fps=10.0, seconds=9.0, stays=pace.stays, ease=True)
-    film, rate = read_path(file)
+    read = read_path(file)
+    film, rate = read.cameras, read.rate
     assert rate == 10.0 and len(film) == 90
     for one, other in zip(film, interpolate(keys, 90, pace), strict=True):
         assert np.allclose(one.camera_to_world, other.camera_to_world, atol=1e-9)
     write_camera_path(file, keys, fps=10.0, seconds=9.0)
     plain = json.loads(file.read_text())
     assert "ease" not in plain and not any("stay" in frame for frame in plain["camera_path"]), "as nerfstudio writes it"
-    slow = read_path(file, stay=1.0, ease=True)[0]
+    slow = read_path(file, stay=1.0, ease=True).cameras
     still = [np.array_equal(a.camera_to_world, b.camera_to_world) for a, b in pairwise(slow)]
     assert 30 <= sum(still) <= 40, "four stays of a second at ten frames a second"
 
@@ -116,4 +117,4 @@ def test_frames_have_no_pace(tmp_path):
     write_camera_path(file, cameras(3), fps=10.0)
     with pytest.raises(InputError, match="frames, each shown once"):
         read_path(file, ease=True)
-    assert len(read_path(file, ease=True, seconds=4.0)[0]) == 40
+    assert len(read_path(file, ease=True, seconds=4.0).cameras) == 40

@@ -1,7 +1,6 @@
 """``pointglass video``: a camera path, as a video or a sequence of pictures."""
 
 import argparse
-import json
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -12,14 +11,16 @@ from typing import TYPE_CHECKING
 from ...common.errors import InputError
 from ...common.failures import tell
 from ...common.replaced_files import replaced_told
-from ...common.text import counted
+from ...common.text import counted, whole_number
 from ...picture.edits import NO_EDITS, Edits
 from ...work.cameras.pace import Pace
-from ...work.cameras.path import frame_name, interpolate
-from ...work.document import LONGEST_STAY
+from ...work.cameras.path import frame_name, interpolate, passing_shares
+from ...work.document import LONGEST_STAY, FilmTitle
+from ...work.pictures.film_titles import NO_TITLES, FilmTitles, timed_titles
 from ..workers_option import add_workers, check_cached, workers_of
 from .film_record import MP4, describe, folder_line, ingredients
 from .opened_renderer import opened_renderer
+from .path_timing import PathTiming, timing_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 FRAMES_A_SECOND = 24.0
 MOST_FRAMES = 1_000_000
 MOST_FRAMES_A_SECOND = 1000
-_LARGEST_TIMING = 1e300
-"""Frames a second or seconds that a file may state; JSON allows whole numbers that no float holds."""
 PANORAMA_SIZE = (4096, 2048)
 
 
@@ -54,6 +53,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ease", action="store_true", help="begin and end slowly (with --seconds, or as the path says)")
     parser.add_argument("--stay", type=float, metavar="S",
                         help="stay S seconds at each camera of the path, of its length (default: as the path says, else 0)")
+    parser.add_argument("--title", metavar="TEXT",
+                        help="write TEXT over the beginning; lines after a line break are smaller (default: as the path says)")
+    parser.add_argument("--caption", action="append", default=[], metavar="N=TEXT",
+                        help="write TEXT at the lower left when camera N of the path (from 1) is reached; may be given again")
+    parser.add_argument("--title-seconds", type=float, default=FilmTitle.seconds, metavar="S",
+                        help=f"how long --title and --caption are shown (default {FilmTitle.seconds:g})")
     parser.add_argument("--panorama", action="store_true", help="360-degree equirectangular pictures around each camera")
     parser.add_argument("--supersample", type=int, default=1, metavar="N",
                         help="render each picture N times wider and higher and average it, 1 to 4 (default 1)")
@@ -65,9 +70,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_workers(parser, "frames")
 
 
+@dataclass(frozen=True)
+class FilmPath:
+    """cameras: one a frame.  rate: frames a second.  timing: of the file.  arrivals: seconds at which each of the file's
+    cameras is reached."""
+
+    cameras: list["Camera"]
+    rate: float
+    timing: PathTiming
+    arrivals: tuple[float, ...]
+
+
 def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | None = None, seconds: float | None = None,
-              stay: float | None = None, ease: bool = False) -> tuple[list["Camera"], float]:
-    """(cameras, one a frame, and frames a second) of a camera file.
+              stay: float | None = None, ease: bool = False) -> FilmPath:
+    """The film of a camera file.
 
     A file's cameras are frames where they are as many as its own ``fps`` and ``seconds`` say, or where it does not say; else
     keyframes, as with ``seconds``.  stay, ease: as of Pace; None, False: as the file says.  Raises InputError.
@@ -82,7 +98,7 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
     if fps is not None and fps > MOST_FRAMES_A_SECOND:
         raise InputError(f"--fps {fps:g}: expected a number above 0, at most {MOST_FRAMES_A_SECOND}")
     cameras = read_cameras(path, size=size)
-    own = _timing(path, len(cameras))
+    own = timing_of(path, len(cameras))
     own_fps, own_seconds = own.fps, own.seconds
     if fps is None and own_fps is not None and own_fps > MOST_FRAMES_A_SECOND:
         raise InputError(f"fps {own_fps:g}: expected at most {MOST_FRAMES_A_SECOND}", file=path, remedy="give --fps")
@@ -96,57 +112,49 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
         if stay or ease:
             raise InputError("its cameras are frames, each shown once", file=path,
                              remedy="give --seconds, which takes them as keyframes")
-        return [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)], rate
+        frames = [replace(camera, name=frame_name(number)) for number, camera in enumerate(cameras)]
+        return FilmPath(frames, rate, own, tuple(number / rate for number in range(count)))
     stays = own.stays if stay is None else (stay,) * len(cameras)
     pace = Pace(float(length or 0.0), stays, ease or own.ease)
     if pace.shortened:
         tell(pace.shortened)
-    return interpolate(cameras, count, pace), rate
+    arrivals = tuple(pace.arrivals(passing_shares(cameras)).tolist())
+    return FilmPath(interpolate(cameras, count, pace), rate, own, arrivals)
 
 
-@dataclass(frozen=True)
-class _Timing:
-    """Frames a second and seconds that a camera_path.json states, None where it does not; and its pace."""
+def titles_of(options: argparse.Namespace, path: FilmPath) -> FilmTitles:
+    """The titles that the options ask for, else those of the path.  Raises InputError, also where no font has a letter."""
+    captions = list(path.timing.captions) or [None] * len(path.arrivals)
+    for given in options.caption:
+        number, equals, text = given.partition("=")
+        if not equals or not (count := whole_number(number)) or count > len(captions):
+            raise InputError(f"expected N=TEXT, N from 1 to {len(captions)}", option="--caption", value=given)
+        captions[count - 1] = _title(text, options.title_seconds, "--caption")
+    title = path.timing.title if options.title is None else _title(options.title, options.title_seconds, "--title")
+    shown = timed_titles(title, captions, path.arrivals, len(path.cameras) / path.rate)
+    titles = FilmTitles(shown, path.rate, options.panorama)
+    titles.check()
+    return titles
 
-    fps: float | None = None
-    seconds: float | None = None
-    stays: tuple[float, ...] = ()
-    ease: bool = False
 
-
-def _timing(path: Path, count: int) -> _Timing:
-    """What a camera file says about its timing.  count: of its cameras."""
-    if path.suffix.lower() != ".json":
-        return _Timing()
-    data = json.loads(path.read_text(encoding="utf-8-sig"))  # read_cameras has read it
-    if not isinstance(data, dict) or "camera_path" not in data:
-        return _Timing()
-    found = []
-    for key in ("fps", "seconds"):
-        value = data.get(key)
-        good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < _LARGEST_TIMING
-        if value is not None and not good:
-            raise InputError(f"{key} {value!r:.60}: expected a number above 0", file=path)
-        found.append(None if value is None else float(value))
-    stays = []
-    for number, frame in enumerate(data["camera_path"][:count]):
-        value = frame.get("stay", 0.0)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 <= value <= LONGEST_STAY:
-            raise InputError(f"stay {value!r:.60} of camera {number}: expected 0 to {LONGEST_STAY:g} seconds", file=path)
-        stays.append(float(value))
-    return _Timing(found[0], found[1], tuple(stays), data.get("ease") is True)
+def _title(text: str, seconds: float, option: str) -> FilmTitle:
+    """A title of the command line."""
+    try:
+        return FilmTitle(text, seconds)
+    except InputError as error:
+        raise InputError((error,), option=option) from None
 
 
 def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate: float, settings: "Settings", out: Path, *,
          panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
-         edits: Edits = NO_EDITS) -> str:
+         edits: Edits = NO_EDITS, titles: FilmTitles = NO_TITLES) -> str:
     """Makes the film; returns the line that tells a person what was made.  edits: of a project.  Raises InputError."""
     from ...work.comparing.scene_changes import with_changes
     from .frames import FrameMaker
 
     edits = with_changes(scene, edits)
     size = cameras[0].width, cameras[0].height
-    maker = FrameMaker(renderer, settings, size, supersample, panorama, background, edits)
+    maker = FrameMaker(renderer, settings, size, supersample, panorama, background, edits, titles)
     try:
         return _write(scene, maker, cameras, rate, out, resume=resume)
     finally:
@@ -162,7 +170,7 @@ def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rat
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
     made_of = ingredients(scene, cameras, maker.settings, panorama=maker.panorama, supersample=maker.supersample,
-                          background=maker.background, edits=maker.edits)
+                          background=maker.background, edits=maker.edits, titles=maker.titles)
     if out.suffix.lower() in MP4:
         made = write_resumed_mp4(out, cameras, maker.picture, size=size, fps=fps, made_of=made_of)
         kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
@@ -190,8 +198,8 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     workers = workers_of(options)
     check_cached(options, workers)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
-    cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds,
-                              stay=options.stay, ease=options.ease)
+    path = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds, stay=options.stay, ease=options.ease)
+    cameras, rate, titles = path.cameras, path.rate, titles_of(options, path)
 
     if workers is not None:
         if options.resume and options.out.suffix.lower() in MP4:
@@ -199,11 +207,12 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
                              remedy="give a folder to --out")
         from .distributed_film import film_by_workers
 
-        print(film_by_workers(options, settings, cameras, rate, workers))
+        print(film_by_workers(options, settings, cameras, rate, workers, titles))
         return 0
     with opened_renderer(options, settings) as (scene, renderer):
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
             made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
-                        supersample=options.supersample, background=options.background, resume=options.resume)
+                        supersample=options.supersample, background=options.background, resume=options.resume,
+                        titles=titles)
         print(made)
     return 0

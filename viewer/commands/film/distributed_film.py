@@ -12,6 +12,7 @@ from ...common.files import out_folder
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...common.workers.run_tasks import Workers, run_tasks
+from ...work.pictures.film_titles import NO_TITLES, FilmTitles
 from ..neural_setup import check_weights
 from .encode import begin_folder, check_mp4, encode_mp4, frame_files, frames_left, write_frame
 from .film_record import MP4, describe, folder_line, ingredients
@@ -34,13 +35,15 @@ class _Frames:
     settings: "Settings"
     size: tuple[int, int]
     returned: bool
+    titles: FilmTitles
 
     @contextmanager
     def opened(self) -> "Iterator[Callable[[Camera], Any]]":
         check_weights(self.settings)
         options = self.options
         with opened_renderer(options, self.settings) as (scene, renderer):
-            maker = FrameMaker(renderer, self.settings, self.size, options.supersample, options.panorama, options.background)
+            maker = FrameMaker(renderer, self.settings, self.size, options.supersample, options.panorama, options.background,
+                               titles=self.titles)
 
             def write(camera: "Camera") -> None:
                 picture = maker.picture(camera)
@@ -53,7 +56,7 @@ class _Frames:
 
 
 def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: "Sequence[Camera]", rate: float,
-                    workers: Workers) -> str:
+                    workers: Workers, titles: FilmTitles = NO_TITLES) -> str:
     """Makes the film; returns the line that tells a person what was made.  Raises PointglassError."""
     size = cameras[0].width, cameras[0].height
     check_form(size, options.supersample, panorama=options.panorama)
@@ -61,7 +64,7 @@ def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: 
     if video:
         check_mp4(options.out, size)
     scene = opened_scene(options, workers)  # where its grid is not in the cache yet, it is built once
-    work = _Frames(options, settings, size, video)
+    work = _Frames(options, settings, size, video, titles)
 
     def results(asked: "Sequence[Camera]") -> "Generator[Any, None, None]":
         return run_tasks(work, asked, workers, label="filming", unit="frame", name=lambda camera: camera.name,
@@ -72,7 +75,7 @@ def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: 
             encode_mp4(options.out, pictures, size=size, fps=Fraction(rate).limit_denominator(1001))
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {options.out}"
     made_of = ingredients(scene, cameras, settings, panorama=options.panorama, supersample=options.supersample,
-                          background=options.background)
+                          background=options.background, titles=titles)
     with replaced_told(options.out / name for name in frame_files(cameras)):
         left = frames_left(options.out, cameras, made_of=made_of, resume=options.resume)
         with out_folder(options.out):

@@ -8,6 +8,7 @@ from ... import __version__
 from ...common.text import counted
 from ...picture.edits import NO_EDITS, Edits
 from ...picture.json_values import to_json
+from ...work.pictures.film_titles import NO_TITLES, FilmTitles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +28,7 @@ def folder_line(out: Path, count: int, made: int) -> str:
 
 
 def ingredients(scene: "Scene", cameras: "Sequence[Camera]", settings: "Settings", *, panorama: bool, supersample: int,
-                background: str, edits: Edits = NO_EDITS) -> dict:
+                background: str, edits: Edits = NO_EDITS, titles: FilmTitles = NO_TITLES) -> dict:
     """JSON-able: all that determines the frames of a folder."""
     made_of = {
         "version": __version__, "scans": list(scene.meta.sources), "points": scene.count, "settings": asdict(settings),
@@ -35,6 +36,8 @@ def ingredients(scene: "Scene", cameras: "Sequence[Camera]", settings: "Settings
         "background": background,
         "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
     }
+    if titles.shown:
+        made_of |= titles.record
     return made_of if edits.none else made_of | {"alterations": to_json(edits)}
 
 

@@ -12,6 +12,8 @@ from ...picture.edits import NO_EDITS, Edits
 from ...picture.settings import Settings
 from ...picture.spec import PictureSpec
 from ...render.described_picture import Composer, render
+from ...work.cameras.path import frame_number
+from ...work.pictures.film_titles import NO_TITLES, FilmTitles
 from .equirectangular import Panorama
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ class FrameMaker:
     size: (width, height) of the pictures.  supersample: each picture is rendered this many times wider and higher and averaged
     in linear light, 1 to 4.  panorama: equirectangular pictures of all directions, around each camera's position, with its
     heading in the middle.  background: a key of viewer.picture.background.COLOURS.  edits: of a project.
+    titles: drawn over pictures of cameras that are named as frames are.
     Owns GL objects: release it.
     """
 
@@ -46,6 +49,7 @@ class FrameMaker:
     panorama: bool = False
     background: str = "black"
     edits: Edits = NO_EDITS
+    titles: FilmTitles = NO_TITLES
     _composer: Composer = field(init=False)
 
     def __post_init__(self) -> None:
@@ -59,7 +63,8 @@ class FrameMaker:
             made = Panorama(width, height).picture(camera, self._draw)
         else:
             made = self._draw(self.framed(camera))
-        return composite(averaged(made, self.supersample), self.background)
+        picture = composite(averaged(made, self.supersample), self.background)
+        return self.titles.over(picture, frame_number(camera.name)) if self.titles.shown else picture
 
     def framed(self, camera: "Camera") -> "Camera":
         """The camera at the size that is rendered."""

@@ -7,6 +7,7 @@ scan's coordinates.  Distortion is refused, never ignored.  Every error is one l
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from ....model.common.files.json_file import write_json
 from ...common.errors import InputError
 from ...common.file_names import unique_names
 from ...picture.camera import Camera
+from ...picture.json_values import to_json
 from ...readers.formats import refuse_address
 from .colmap import find_model, read_text_model
 from .colmap_binary import read_binary_model
 from .nerfstudio import read_json
 from .parse import read_text, shown
 from .tum import read_tum
+
+if TYPE_CHECKING:
+    from ..document import FilmTitle
 
 _COLMAP_FILES = ("images.txt", "cameras.txt", "images.bin", "cameras.bin")
 _UNDISTORTED = ("nerfstudio/transforms_undistorted.json", "dslr/nerfstudio/transforms_undistorted.json")  # of ScanNet++
@@ -109,17 +114,19 @@ CAMERA_ENDINGS = tuple(dict.fromkeys(ending for row in CAMERA_FORMATS for ending
 
 
 def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None,
-                      stays: Sequence[float] = (), ease: bool = False) -> None:
+                      stays: Sequence[float] = (), ease: bool = False, title: "FilmTitle | None" = None,
+                      captions: "Sequence[FilmTitle | None]" = ()) -> None:
     """Writes nerfstudio's camera_path.json, as ``read_cameras`` reads it back.
 
     The format knows one size for all, square pixels and a centred principal point; other cameras are refused
     (InputError) rather than changed.  seconds: of the film; None: one frame a camera.  stays, ease: as of Pace; they are
-    written where they are not 0 and not false, as ``stay`` of a camera and ``ease``, which only pointglass reads.
+    written where they are not 0 and not false, as ``stay`` of a camera and ``ease``, which only pointglass reads; so are the
+    opening title, as ``title``, and a camera's caption, as ``caption``.
     """
     cameras = list(cameras)
     if not cameras:
         raise InputError("no cameras to write", file=path)
-    all_stays = [*stays, *[0.0] * len(cameras)]
+    all_stays, all_captions = [*stays, *[0.0] * len(cameras)], [*captions, *[None] * len(cameras)]
     width, height = cameras[0].width, cameras[0].height
     for n, camera in enumerate(cameras):
         where = f"{path}: frame {n} ({shown(camera.name)})"
@@ -137,12 +144,14 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
         {
             "camera_to_world": camera.camera_to_world.ravel().tolist(), "fov": camera.vertical_fov,
             "aspect": width / height, "name": camera.name, **({"stay": stay} if stay > 0 else {}),
+            **({"caption": to_json(caption)} if caption is not None else {}),
         }
-        for camera, stay in zip(cameras, all_stays)
+        for camera, stay, caption in zip(cameras, all_stays, all_captions)
     ]
     write_json(path, {
         "camera_type": "perspective", "render_width": width, "render_height": height, "fps": fps,
         "seconds": len(frames) / fps if seconds is None else seconds, "camera_path": frames, **({"ease": True} if ease else {}),
+        **({"title": to_json(title)} if title is not None else {}),
     })
 
 

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 from ...picture.camera import Camera
 from ..document import CameraPath
+from ..pictures.film_titles import NO_TITLES, FilmTitles, timed_titles
 from .pace import Pace
 
 MOST_PREVIEWED = 3000
@@ -47,6 +48,16 @@ def passing_seconds(path: CameraPath) -> tuple[float, ...]:
     passing, pace = passing_shares(_key_cameras(path, (160, 90))), pace_of(path)
     seconds = passing * 0.0 if pace is None else pace.arrivals(passing)
     return tuple(map(float, seconds))[: len(path.keyframes)]
+
+
+def titles_along(path: CameraPath, *, panorama: bool = False) -> FilmTitles:
+    """The opening title and the captions of the path's film."""
+    captions = [key.caption for key in path.keyframes]
+    if path.title is None and not any(captions):
+        return NO_TITLES
+    seconds = path_seconds(path)
+    length = seconds if seconds > 0 else 1 / path.fps
+    return FilmTitles(timed_titles(path.title, captions, passing_seconds(path), length), path.fps, panorama)
 
 
 def path_seconds(path: CameraPath) -> float:

@@ -139,6 +139,11 @@ def frame_name(number: int) -> str:
     return f"frame_{number:05d}"
 
 
+def frame_number(name: str) -> int:
+    """The number of a frame, from the name that :func:`frame_name` gave."""
+    return int(name.rpartition("_")[2])
+
+
 def _named(camera: Camera, number: int) -> Camera:
     from dataclasses import replace
 

@@ -10,17 +10,19 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from ....commands.film.path_timing import timing_of
 from ....common.errors import PointglassError
 from ....work.cameras.around_centre import orbit
 from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_camera_path
 from ....work.cameras.keyframes import pace_of, passing_seconds, path_seconds, preview_cameras
-from ....work.document import LONGEST_STAY, Keyframe, replaced, unique_name, without
+from ....work.document import LONGEST_STAY, FilmTitle, Keyframe, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...kit.widgets import compact_button
 from ...saving.capture import unwritable
 from ..editing import Pointing, edit
 from ..tool import ToolContext
 from .timeline import Timeline
+from .title_fields import TitleFields
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
@@ -45,14 +47,14 @@ def fly_to(context: ToolContext, view: Viewpoint) -> None:
 
 class CameraPathEditor:
     """at: seconds along the path, of the preview.  playing: whether the preview runs.
-    timeline: with the selected keyframe."""
+    timeline: with the selected keyframe.  titles: of the film, typed and shown."""
 
     def __init__(self) -> None:
-        self.timeline = Timeline()
+        self.timeline, self.titles = Timeline(), TitleFields()
         self.at, self.playing = 0.0, False
         self._pointing = Pointing()
         self._clock = perf_counter
-        self._before = 0.0
+        self._before, self._scrubs = 0.0, False
 
     def add_keyframe(self, context: ToolContext, view: Viewpoint | None = None) -> None:
         """Appends the present view, or a bookmark, to the path."""
@@ -118,6 +120,17 @@ class CameraPathEditor:
         self.timeline.selected = number + places
         edit(context, f"Reorder {keys[number + places].view.name}", path=replace(path, keyframes=keys))
 
+    def change_title(self, context: ToolContext, title: FilmTitle | None, number: int | None = None) -> None:
+        """Sets the opening title, or the caption of keyframe ``number``."""
+        path = context.document.path
+        if number is None:
+            if title != path.title:
+                edit(context, "Opening title", "title", path=replace(path, title=title))
+        elif title != path.keyframes[number].caption:
+            key = replace(path.keyframes[number], caption=title)
+            edit(context, f"Caption at {key.view.name}", ("caption", number),
+                 path=replace(path, keyframes=replaced(path.keyframes, number, key)))
+
     def change_stay(self, context: ToolContext, number: int, seconds: float) -> None:
         """The camera stays at a keyframe for so many seconds."""
         path = context.document.path
@@ -146,11 +159,15 @@ class CameraPathEditor:
         """Replaces the keyframes by the cameras of ``file``."""
         try:
             cameras = read_cameras(file)
+            timing = timing_of(file, len(cameras))
         except PointglassError as error:
             context.session.notices.say("The camera path cannot be read", error)
             return
-        keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name)) for number, camera in enumerate(cameras))
-        edit(context, f"Read {file.name}", path=replace(context.document.path, keyframes=keys))
+        stays, captions = (*timing.stays, *[0.0] * len(cameras)), (*timing.captions, *[None] * len(cameras))
+        keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name), stay, caption)
+                     for number, (camera, stay, caption) in enumerate(zip(cameras, stays, captions)))
+        path = replace(context.document.path, keyframes=keys, title=timing.title, ease=timing.ease)
+        edit(context, f"Read {file.name}", path=path)
 
     def write_path(self, context: ToolContext, size: tuple[int, int], file: Path) -> None:
         """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
@@ -161,7 +178,8 @@ class CameraPathEditor:
         cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
         try:
             write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None,
-                              stays=[key.stay for key in path.keyframes], ease=path.ease)
+                              stays=[key.stay for key in path.keyframes], ease=path.ease,
+                              title=path.title, captions=[key.caption for key in path.keyframes])
         except (PointglassError, OSError) as error:
             told = unwritable(file, error) if isinstance(error, OSError) else error
             context.session.notices.say("The camera path cannot be written", told)
@@ -179,6 +197,8 @@ class CameraPathEditor:
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         keys = context.document.path.keyframes
+        moves = len(keys) > 1 and (self.playing or self._scrubs)
+        self.titles.draw(overlay, context, context.document.path, self.at if moves else None)
         if self.playing and len(keys) > 1:
             now = self._clock()
             step, self._before = now - self._before, now
@@ -207,6 +227,7 @@ class CameraPathEditor:
             ui.set_tooltip("A path once around the point in the middle of the view")
         if path.keyframes:
             self._timeline(ui, context)
+            self.change_title(context, self.titles.field(ui, context, context.document.path.title, True))
         if ui.button("Open path…"):
             context.files.open("camera paths", "Open a camera path", READ, lambda files: self.read_path(context, files[0]))
         ui.same_line()
@@ -227,7 +248,8 @@ class CameraPathEditor:
         event = self.timeline.draw(ui, context.theme, passing_seconds(path), min(self.at, length), length)
         if event.selected is not None:
             self.select(context, event.selected)
-        elif event.scrubbed is not None:
+        self._scrubs = event.scrubbed is not None
+        if event.scrubbed is not None:
             self.playing = False
             self.show_at(context, event.scrubbed)
         self._selected(ui, context)
@@ -273,3 +295,7 @@ class CameraPathEditor:
             ui.set_tooltip("How long the camera stays at this keyframe; the film keeps its length")
         if changed and isfinite(stay):
             self.change_stay(context, number, stay)
+        ui.push_id(number)  # of another keyframe it is another field
+        caption = context.document.path.keyframes[number].caption
+        self.change_title(context, self.titles.field(ui, context, caption, False), number)
+        ui.pop_id()

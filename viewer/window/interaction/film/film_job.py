@@ -11,6 +11,7 @@ from ....common.errors import Cancelled, InputError
 from ....picture.edits import NO_EDITS, Edits
 from ....picture.settings import Settings
 from ....work.ghosts import prepared
+from ....work.pictures.film_titles import NO_TITLES, FilmTitles
 from ...kit.worker import Worker
 from ...saving.capture import name_kept, unwritable
 
@@ -32,6 +33,7 @@ class FilmJob:
     supersample: int = 1
     background: str = "black"
     edits: Edits = NO_EDITS
+    titles: FilmTitles = NO_TITLES
 
     def render(self) -> str:
         """Makes the film; frames of the same film that are there are kept: those of a folder, and of a video that a crash
@@ -39,6 +41,7 @@ class FilmJob:
 
         Raises PointglassError.
         """
+        self.titles.check()
         if self.scene is None or not self.cameras:
             raise InputError("a film needs a scan and a keyframe", remedy="add a keyframe first")
         if self.out.suffix.lower() not in MP4:
@@ -64,7 +67,8 @@ class FilmJob:
             renderer = Renderer(context, scene)
             try:
                 return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
-                            supersample=self.supersample, background=self.background, edits=self.edits, resume=True)
+                            supersample=self.supersample, background=self.background, edits=self.edits, resume=True,
+                            titles=self.titles)
             except OSError as error:  # of the folder's record
                 raise unwritable(self.out, error) from None
             finally:

@@ -14,7 +14,7 @@ from ....commands.film.command import MP4, PANORAMA_SIZE
 from ....common.errors import PointglassError
 from ....common.text import left_text
 from ....picture.views import VIEWS
-from ....work.cameras.keyframes import cameras_along, path_seconds
+from ....work.cameras.keyframes import cameras_along, path_seconds, titles_along
 from ....work.document import replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...kit import icons
@@ -49,7 +49,7 @@ class Film(Tool):
     """Its panel has three parts: bookmarks, the path, the video."""
 
     name, label, icon, key = "film", "Film", icons.FILM, "K"
-    help = "bookmarks, camera path with preview, video and panorama"
+    help = "bookmarks, camera path with preview, titles, video and panorama"
 
     def __init__(self) -> None:
         self.path = CameraPathEditor()
@@ -87,6 +87,9 @@ class Film(Tool):
         found = context.document.viewpoints
         edit(context, f"Delete bookmark {found[number].name}", viewpoints=without(found, number))
 
+    def selected(self, context: ToolContext) -> None:
+        self.path.titles.prepare()
+
     def left(self, context: ToolContext) -> None:
         self.path.playing = False
         self.publishing.open = False
@@ -113,6 +116,7 @@ class Film(Tool):
             context.session.scene, tuple(cameras_along(path, count, size)), path.fps,
             settings, out, panorama=self.panorama, supersample=self.supersample,
             background=context.session.view_settings.background, edits=context.document.edits,
+            titles=titles_along(path, panorama=self.panorama),
         )  # fmt: skip
 
     def ask(self, context: ToolContext) -> None:
@@ -153,6 +157,7 @@ class Film(Tool):
 
     def close(self) -> None:
         self.publishing.close()
+        self.path.titles.close()
         end(self.worker)
 
     def panel(self, ui: Any, context: ToolContext) -> None:
