@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..common.errors import InputError
+from ..readers.meshes.mesh_formats import scans_and_meshes
 from ..work.document import Document, ScanFile
 from ..work.ghosts import prepared
 from ..work.moved_scans import difference
 from ..work.project import check_projects, is_project, moves_of, places_in, read_project, scans_of
 from ..work.reference import with_reference
+from .mesh_files import layers_of
 
 if TYPE_CHECKING:
     from ..common.workers.worker_choice import Workers
@@ -20,31 +22,33 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False,
+def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False, meshes: bool = False,
            workers: "Workers | None" = None) -> "tuple[Scene, Document]":  # fmt: skip
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
     options: as viewer.commands.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options``
     say.  writes: whether points are written by the regions and classes of the project.  A warning names each scan that is
-    another file than the project was saved with.
+    another file than the project was saved with.  meshes: whether meshes may be given beside scans; they join the document.
     workers: who converts the files of a place.
     Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system that is
     not known, and, with ``writes``, where regions or classes are of another file.
     """
     from ..grid.open_scene import open_scene
 
-    check_projects(list(options.scans))
-    if is_project(options.scans[0]):
-        document = read_project(options.scans[0])
-        scans = scans_of(options.scans[0], document)
-        _tell_of_replaced(options.scans[0], document, writes)
+    given, models = scans_and_meshes(options.scans) if meshes else (list(options.scans), [])
+    check_projects(given)
+    if is_project(given[0]):
+        document = read_project(given[0])
+        scans = scans_of(given[0], document)
+        _tell_of_replaced(given[0], document, writes)
     else:
-        document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
+        document, scans = Document(tuple(ScanFile(str(path)) for path in given)), given
     matched = bool(options.exposures == "matched") if match is None else match
     scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns,
                        moves=moves_of(document.scans), workers=workers)
     scene = prepared(scene, document.ghosts)
-    return replace(scene, meta=with_reference(scene.meta, document.scans)), document
+    scene = replace(scene, meta=with_reference(scene.meta, document.scans))
+    return scene, replace(document, meshes=(*document.meshes, *layers_of(models, scene))) if models else document
 
 
 def _tell_of_replaced(project: Path, document: Document, writes: bool) -> None:

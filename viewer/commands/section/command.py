@@ -12,6 +12,7 @@ from ...work.measuring.measure_text import unit_name
 from ...work.sheets.paper_layout import DPI as PAPER_DPI
 from ...work.sheets.paper_layout import ORIENTATIONS, SIZES
 from .cut import Cut, along_line, elevation, plan
+from .model_lines import model_text
 from .sheet import check_out, write_figures
 from .sheet_request import DPI, SCALE, THICKNESS, SheetRequest
 
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--author", default="", metavar="TEXT", help="in the title block (default: none)")
     parser.add_argument("--date", default="", metavar="TEXT", help="in the title block (default: today)")
     parser.add_argument("--trace", action="store_true",
-                        help="draw lines along what is cut; DXF has these alone")
+                        help="draw lines along what is cut; DXF has these alone, and those of meshes, which are always drawn")
     parser.add_argument("--no-picture", dest="picture", action="store_false",
                         help="leave the points out, with --trace (default: they are drawn)")
     parser.add_argument("--out", type=Path, required=True, metavar="F.png|F.pdf|F.dxf",
@@ -147,16 +148,17 @@ def run(options: argparse.Namespace) -> int:
     from .sheet_request import make_sheet, trace_text, write_lines
 
     request = request_of(options)
-    scene, document = opened(options)
+    scene, document = opened(options, meshes=True)
     say_degrees(scene)
     cuts = [cut_of(kind, value, options, scene, document) for kind, value in options.cuts]
     selection = Selection.in_sight(scene, document)
     unit = unit_name(scene.meta.metres_per_unit)
     if options.out.suffix.lower() == ".dxf":
-        print(f"{trace_text(write_lines(options.out, selection, cuts[0], request), unit)}, in {options.out}")
+        lines, models = write_lines(options.out, selection, cuts[0], request, document.meshes)
+        print(f"{trace_text(lines, unit)}, in {options.out}", *model_text(models, unit), sep="\n")
         return 0
     png = options.out.suffix.lower() == ".png"
-    sheets = [make_sheet(selection, cut, request, number=f"{number} of {len(cuts)}", png=png)
+    sheets = [make_sheet(selection, cut, request, meshes=document.meshes, number=f"{number} of {len(cuts)}", png=png)
               for number, cut in enumerate(cuts, 1)]  # fmt: skip
     write_figures(options.out, [(sheet.figure, sheet.dpi) for sheet in sheets])
     for number, sheet in enumerate(sheets, 1):
@@ -165,4 +167,6 @@ def run(options: argparse.Namespace) -> int:
         print(f"{counted(sheet.count, 'point')} at 1:{sheet.scale:g} in {options.out}{page}, {width:.0f} x {height:.0f} mm")
         if sheet.trace is not None:
             print(trace_text(sheet.trace, unit))
+        for line in model_text(sheet.models, unit):
+            print(line)
     return 0

@@ -4,11 +4,13 @@ One pixel of the drawing is 1/dpi inch of paper: a length measured on the print 
 Frame of the page: millimetres from its lower left corner (viewer.work.sheets.paper_layout).
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...work.sheets.paper_layout import Layout, grid_places, grid_step, grid_text
+from .model_lines import draw_models
 from .sheet_text import POINTS, text_width, write
 from .title_block import INK, MIDDLE, QUIET, THICK, THIN, Facts, draw_strip
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...work.sheets.cut_lines import Trace
+    from .model_lines import ModelLines
     from .orthographic import Drawing
 
 MM = 25.4
@@ -57,7 +60,8 @@ class PaperTransform:
 
 
 def paper_sheet(drawing: "Drawing", layout: Layout, dpi: int, middle: np.ndarray, facts: Facts, axes: tuple[str, str], *,
-                metres: float, scale: float, trace: "Trace | None" = None, whole_pixels: bool = False) -> "Figure":  # fmt: skip
+                metres: float, scale: float, trace: "Trace | None" = None, models: "Sequence[ModelLines]" = (),
+                whole_pixels: bool = False) -> "Figure":  # fmt: skip
     """The sheet as a matplotlib figure.
 
     middle: (2,) paper coordinates in the middle of the sheet.  axes: names of the coordinates to the right and upwards.
@@ -84,6 +88,10 @@ def paper_sheet(drawing: "Drawing", layout: Layout, dpi: int, middle: np.ndarray
             ring = np.concatenate([line.vertices, line.vertices[:1]]) if line.closed else line.vertices
             for drawn in page.plot(*place.page(ring).T, color=INK, linewidth=MIDDLE, solid_joinstyle="miter"):
                 drawn.set_clip_path(edge)
+    left, bottom, width, height = layout.area
+    edge = Rectangle((left, bottom), width, height, transform=page.transData)
+    draw_models(page, models, MIDDLE, placed=place.page, edge=edge, corner=(left, bottom + height),
+                traced=INK if trace is not None and trace.lines else None)
     for rectangle, width in ((layout.frame, THICK), (layout.area, THIN)):
         page.add_patch(Rectangle(rectangle[:2], *rectangle[2:], fill=False, edgecolor=INK, linewidth=width, joinstyle="miter"))
     draw_strip(page, layout, facts)

@@ -18,6 +18,7 @@ from ...common.errors import InputError
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
+from .model_lines import draw_models
 from .sheet_text import fitting
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from ...grid.scene import Scene
     from ...work.sheets.cut_lines import Trace
+    from .model_lines import ModelLines
     from .orthographic import Drawing
 
 SUFFIXES = (".png", ".pdf", ".dxf")
@@ -131,8 +133,9 @@ def borders(drawing: "Drawing", paper: Paper) -> tuple[int, int, int, int]:
     return left + (width - left - columns - right) // 2, top, width, top + rows + bottom
 
 
-def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "Trace | None" = None) -> "Figure":
-    """The sheet as a matplotlib figure, with traced lines where there are any."""
+def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "Trace | None" = None,
+          models: "Sequence[ModelLines]" = ()) -> "Figure":  # fmt: skip
+    """The sheet as a matplotlib figure, with traced lines and those of meshes where there are any."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -146,6 +149,7 @@ def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "
     for line in trace.lines if trace is not None else ():
         ring = np.concatenate([line.vertices, line.vertices[:1]]) if line.closed else line.vertices
         axes.plot(*ring.T, color=_INK, linewidth=CUT_WIDTH, solid_joinstyle="miter")
+    draw_models(axes, models, CUT_WIDTH, traced=_INK if trace is not None and trace.lines else None)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     step = round_length(_TICKS / 1000 * paper.scale / paper.metres)
     for axis, low, high in ((axes.xaxis, extent[0], extent[1]), (axes.yaxis, extent[2], extent[3])):

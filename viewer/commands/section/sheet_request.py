@@ -4,18 +4,21 @@ The command line and the window's Section tool make their sheets here.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ... import __version__
 from ...common.text import counted
+from ...picture.meshes.mesh_layer import MeshLayer
 from ...work.measuring.measure_text import unit_name
 from ...work.selection import Selection
 from ...work.sheets.cut_lines import Trace, trace
 from ...work.sheets.grid_north import axis_name, has_grid_north
 from ...work.sheets.paper_layout import fitted
 from .cut import KINDS, Cut, cut_slab
+from .model_lines import ModelLines, model_lines, model_text, widened
 from .orthographic import draw, slab_extent, slab_points
 from .paper_sheet import paper_sheet
 from .sheet import INCH, Paper, round_length, sheet, short_reference, write_whole
@@ -56,13 +59,14 @@ class SheetRequest:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A sheet that was drawn.  count: measured points.  trace: None where no lines were traced."""
+    """A sheet that was drawn.  count: measured points.  trace: None where no lines were traced.  models: that the cut meets."""
 
     figure: "Figure"
     dpi: int
     scale: float
     count: int
     trace: Trace | None
+    models: tuple[ModelLines, ...] = ()
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -77,19 +81,22 @@ def paper_of(scene: "Scene", scale: float, dpi: int = DPI) -> Paper:
     return Paper(scale, dpi, float(metres or 1.0), assumed=not metres)
 
 
-def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, number: str = "1", png: bool = False) -> Sheet:
+def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes: Sequence[MeshLayer] = (), number: str = "1",
+               png: bool = False) -> Sheet:  # fmt: skip
     """Draws a cut of the points in sight.
 
-    number: of the sheet, in the title block.  png: whether pixels will be whole.  Raises InputError where the cut holds no
-    point, a given scale does not fit, or the drawing is too large.
+    meshes: beside the scan, which are cut.  number: of the sheet, in the title block.  png: whether pixels will be whole.
+    Raises InputError where the cut holds no point, a given scale does not fit, or the drawing is too large.
     """
-    scene, extent = selection.scene, slab_extent(selection, cut)
+    scene = selection.scene
+    models = model_lines(meshes, cut, (*selection.clips, *selection.within))
+    extent = widened(slab_extent(selection, cut), models)
     lines = traced(selection, cut) if request.lines else None
     if request.paper is None:
         paper = paper_of(scene, request.scale or SCALE, request.dpi or DPI)
         drawing = draw(selection, cut, paper.pixel, extent, picture=request.picture)
-        figure = sheet(drawing, paper, scene, request.title or scene.meta.title, lines)
-        return Sheet(figure, paper.dpi, paper.scale, extent[2], lines)
+        figure = sheet(drawing, paper, scene, request.title or scene.meta.title, lines, models)
+        return Sheet(figure, paper.dpi, paper.scale, extent[2], lines, models)
     low, high, count = extent
     metres = float(scene.meta.metres_per_unit or 1.0)
     size = (high - low)[:2] * metres
@@ -108,26 +115,30 @@ def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, number:
         north=cut.kind == "plan" and has_grid_north(scene.meta, cut_up(cut)), bar=(bar, bar / scale * 1000),
     )  # fmt: skip
     figure = paper_sheet(drawing, layout, dpi, (low + high)[:2] / 2, facts, axes_of(cut), metres=metres, scale=scale,
-                         trace=lines, whole_pixels=png)  # fmt: skip
-    return Sheet(figure, dpi, scale, count, lines)
+                         trace=lines, models=models, whole_pixels=png)  # fmt: skip
+    return Sheet(figure, dpi, scale, count, lines, models)
 
 
-def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest) -> Trace:
-    """Traces the lines of a cut and writes them as a DXF drawing in the file's unit.  Raises InputError; then nothing is left
-    behind."""
+def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: Sequence[MeshLayer] = ()
+                ) -> tuple[Trace, tuple[ModelLines, ...]]:
+    """Traces the lines of a cut and writes them, and those of meshes, as a DXF drawing in the file's unit.  Raises InputError;
+    then nothing is left behind."""
     from ...work.sheets.cut_dxf import write_cut_dxf
 
-    scene, (low, high, count) = selection.scene, slab_extent(selection, cut)
+    scene, models = selection.scene, model_lines(meshes, cut, (*selection.clips, *selection.within))
+    low, high, count = widened(slab_extent(selection, cut), models)
     lines = traced(selection, cut)
     unit = unit_name(scene.meta.metres_per_unit)
     size = float(max((high - low)[:2])) or 1.0
     step = round_length(size / _DXF_GRID)
     texts = (request.title or scene.meta.title, f"{KINDS[cut.kind].capitalize()} {cut.text}",
              f"coordinates: {', '.join(axes_of(cut))}; {reference_of(scene)}",
-             *_line_notes(lines, unit), f"{counted(count, 'measured point')}; {request.date or time.strftime('%Y-%m-%d')}; "
+             *_line_notes(lines, unit), *model_text(models, unit),
+             f"{counted(count, 'measured point')}; {request.date or time.strftime('%Y-%m-%d')}; "
              f"{request.author + '; ' if request.author else ''}pointglass {__version__}")  # fmt: skip
-    write_whole(out, lambda beside: write_cut_dxf(beside, lines, low[:2], high[:2], step, texts, scene.meta.metres_per_unit))
-    return lines
+    write_whole(out, lambda beside: write_cut_dxf(beside, lines, low[:2], high[:2], step, texts, scene.meta.metres_per_unit,
+                                                  [(model.name, model.colour[1], model.lines) for model in models]))
+    return lines, models
 
 
 def traced(selection: Selection, cut: Cut) -> Trace:

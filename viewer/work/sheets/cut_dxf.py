@@ -12,7 +12,7 @@ import numpy as np
 from ...common.text import printable
 from ..measuring.measure_dxf import INSUNITS
 from ..measuring.measure_text import unit_name
-from .cut_lines import Trace
+from .cut_lines import Polyline, Trace
 from .paper_layout import grid_places, grid_text
 
 CUT, FRAME, GRID, TEXT = LAYERS = ("POINTGLASS CUT", "POINTGLASS FRAME", "POINTGLASS GRID", "POINTGLASS TEXT")
@@ -20,16 +20,18 @@ _COLOURS = {CUT: 7, FRAME: 8, GRID: 8, TEXT: 8}
 """Indices of AutoCAD's colours: 7 is black on white, 8 grey."""
 _CUT_WEIGHT = 35
 """Width of lines of the layer CUT, hundredths of a millimetre."""
+_NOT_IN_NAMES = frozenset('<>/\\":;?*=|`,')
 _HEIGHT, _BESIDE = 0.08, 0.25
 """Height of texts and length of ticks, and the border around what is drawn, in steps of the grid."""
 
 
 def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, step: float, texts: Sequence[str],
-                  metres_per_unit: float | None) -> None:  # fmt: skip
+                  metres_per_unit: float | None,
+                  models: Sequence[tuple[str, int, Sequence[Polyline]]] = ()) -> None:  # fmt: skip
     """Writes the drawing to an open path; the caller replaces an older file.
 
     low, high: (2,) paper coordinates of what was measured in the cut.  step: of the grid, file units.  texts: lines beneath the
-    frame.  Raises OSError.
+    frame.  models: name, AutoCAD's colour and lines of each mesh, on a layer of its own.  Raises OSError.
     """
     import ezdxf
 
@@ -40,6 +42,11 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
     space = drawing.modelspace()
     for line in trace.lines:
         space.add_lwpolyline(line.vertices.tolist(), close=line.closed, dxfattribs={"layer": CUT})
+    for number, (name, colour, lines) in enumerate(models, 1):
+        layer = model_layer(name, number)
+        drawing.layers.add(layer, color=colour, lineweight=_CUT_WEIGHT)
+        for line in lines:
+            space.add_lwpolyline(line.vertices.tolist(), close=line.closed, dxfattribs={"layer": layer})
     (left, bottom), (right, top) = low - _BESIDE * step, high + _BESIDE * step
     edge = [(left, bottom), (right, bottom), (right, top), (left, top)]
     space.add_lwpolyline(edge, close=True, dxfattribs={"layer": FRAME})
@@ -59,6 +66,12 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
     for row, text in enumerate(texts):
         _text(space, printable(text), (left, bottom - (6.0 + 2.0 * row) * size), size)
     drawing.saveas(path)
+
+
+def model_layer(name: str, number: int) -> str:
+    """The layer of a mesh: its number, from 1, and name without the characters that layers may not have."""
+    allowed = "".join("_" if letter in _NOT_IN_NAMES else letter for letter in printable(name))
+    return f"POINTGLASS MODEL {number} {allowed}"[:255]
 
 
 def _text(space, text: str, place: tuple[float, float], height: float, rotation: float = 0.0) -> None:

@@ -155,7 +155,7 @@ class SectionTool(Tool):
             return
         scene = replace(scene, meta=context.session.facts)
         selection = Selection.in_sight(scene, document)
-        work = sheet_work(out, selection, cut, self.sheet.request())
+        work = sheet_work(out, selection, cut, self.sheet.request(), document.meshes)
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
     def follow(self, context: ToolContext) -> None:
@@ -176,9 +176,9 @@ class SectionTool(Tool):
             return
         scene = replace(scene, meta=context.session.facts)
         selection = Selection.in_sight(scene, document)
-        work, request = preview_work(selection, cut, self.sheet), self.sheet.request()
+        work, request = preview_work(selection, cut, self.sheet, document.meshes), self.sheet.request()
         hidden = selection.hidden, selection.hidden_classes, id(selection.marks)
-        of = cut, request, document.clips, hidden, weakref.ref(context.scene), document.scans
+        of = cut, request, document.clips, hidden, weakref.ref(context.scene), document.scans, document.meshes
         self.preview.follow(context, of, work)
 
     def left(self, context: ToolContext) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....commands.section.cut import Cut
 from ....commands.section.sheet_request import SCALE, SheetRequest, make_sheet, write_lines
+from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.selection import Selection
 from ....work.sheets.paper_layout import SIZES
 from ...saving.capture import name_kept
@@ -57,7 +58,8 @@ class SheetChoices:
             setattr(self, name, ui.input_text_with_hint(f"##{name}", name, getattr(self, name))[1])
 
 
-def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest) -> Callable[[], Path]:
+def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: tuple[MeshLayer, ...]
+               ) -> Callable[[], Path]:
     """What draws and saves a sheet, or a DXF of its lines, by the ending of ``out``.  Raises InputError when it is called."""
 
     def work() -> Path:
@@ -65,16 +67,17 @@ def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest)
 
         with name_kept(out):
             if out.suffix.lower() == ".dxf":
-                write_lines(out, selection, cut, request)
+                write_lines(out, selection, cut, request, meshes)
             else:
-                made = make_sheet(selection, cut, request, png=out.suffix.lower() == ".png")
+                made = make_sheet(selection, cut, request, meshes=meshes, png=out.suffix.lower() == ".png")
                 write_figures(out, [(made.figure, made.dpi)])
         return out
 
     return work
 
 
-def preview_work(selection: Selection, cut: Cut, choices: SheetChoices) -> Callable[[], np.ndarray]:
+def preview_work(selection: Selection, cut: Cut, choices: SheetChoices, meshes: tuple[MeshLayer, ...]
+                 ) -> Callable[[], np.ndarray]:
     """What draws a coarse picture of a sheet, (H, W, 3) uint8."""
     scene, scale = selection.scene, float(choices.scale or SCALE)
     if choices.paper is None:
@@ -85,7 +88,7 @@ def preview_work(selection: Selection, cut: Cut, choices: SheetChoices) -> Calla
     request = choices.request(dpi)
 
     def work() -> np.ndarray:
-        figure = make_sheet(selection, cut, request, png=True).figure
+        figure = make_sheet(selection, cut, request, meshes=meshes, png=True).figure
         figure.canvas.draw()
         return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
 
