@@ -1,4 +1,5 @@
-"""``pointglass align``: the rigid transformation that brings one scan to its place beside another, and a project with both.
+"""``pointglass align``: the rigid transformation that brings a scan, or a mesh, to its place beside another scan, and a project
+with both.
 
 From pairs of points (--pairs), from the surfaces both show (ICP), or from pairs first and surfaces then.  Frame: file
 coordinates and units of each scan; the transformation leads from those of MOVING to those of FIXED.
@@ -12,21 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import InputError
-from ..common.progress import progress
 from ..common.rigid_transform import IDENTITY, Rows, motion_text
-from ..common.text import counted
 from ..work.document import Document, ScanFile
 from ..work.project import SUFFIX, is_project, write_project
 from ..work.registration.align_surfaces import Alignment, align_surfaces
 from ..work.registration.pair_file import read_pairs
 from ..work.registration.point_pairs import PairFit, fit_pairs
+from .align_model import align_model, model_moves, pairs_text, spread_points, unit_text
 
 if TYPE_CHECKING:
     from ..readers.source import Source
-
-MOST = 4_000_000
-"""Points of a scan whose surfaces are compared, every so many of all: 60 for each voxel of viewer.work.registration."""
-
 
 @dataclass(frozen=True, eq=False)
 class Found:
@@ -39,7 +35,8 @@ class Found:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options."""
-    parser.add_argument("moving", type=Path, metavar="MOVING", help="the scan that is moved")
+    parser.add_argument("moving", type=Path, metavar="MOVING",
+                        help="the scan that is moved, or a mesh (glTF, OBJ, STL, PLY with faces)")
     parser.add_argument("fixed", type=Path, metavar="FIXED", help="the scan that stays")
     parser.add_argument("--pairs", type=Path, metavar="F.csv",
                         help="pairs of points to begin with: six numbers a line, x y z in MOVING and x y z in FIXED; without "
@@ -61,31 +58,18 @@ def aligned(moving: "Source", fixed: "Source", pairs: tuple[np.ndarray, np.ndarr
     start = IDENTITY if by_pairs is None else by_pairs.transform
     if not surfaces:
         return Found(start, by_pairs, None)
-    found = align_surfaces(_points(moving), _points(fixed), start)
+    found = align_surfaces(spread_points(moving), spread_points(fixed), start)
     return Found(found.transform, by_pairs, found)
-
-
-def _points(source: "Source") -> np.ndarray:
-    """(n, 3) points spread over a scan, at most about MOST."""
-    step = max(1, (source.count or 0) // MOST)
-    parts, at = [np.zeros((0, 3))], 0
-    with progress(source.count or 0, f"reading {source.path.name}", "point") as meter:
-        for chunk in source.chunks():
-            parts.append(chunk.xyz[-at % step :: step])
-            at += len(chunk.xyz)
-            meter.update(len(chunk.xyz))
-    return np.concatenate(parts)
 
 
 def report(found: Found, moving: "Source", fixed: "Source") -> str:
     """What was found, as lines for a terminal."""
-    unit = {"metre": " m", "foot": " ft", "unknown": ""}.get(moving.units, f" {moving.units}")
+    unit = unit_text(moving)
     rows = [("moved", f"{moving.path.name} to its place beside {fixed.path.name}: {motion_text(found.transform)}")]
     rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
              for number, row in enumerate(found.transform)]
     if (pairs := found.pairs) is not None:
-        rows.append(("pairs", f"{counted(len(pairs.residuals), 'pair')}, rms {pairs.rms:.4g}{unit}, residuals "
-                              f"{', '.join(f'{value:.4g}' for value in pairs.residuals)}"))
+        rows.append(("pairs", pairs_text(pairs, unit)))
     if (known := found.surfaces) is not None:
         rows += [
             ("surfaces", f"rms {known.rms:.4g}{unit} at {known.count:,} places; {100 * known.overlap:.0f} % of "
@@ -100,7 +84,6 @@ def report(found: Found, moving: "Source", fixed: "Source") -> str:
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
     from ..readers.formats import open_source
-
     if options.only_pairs and options.pairs is None:
         raise InputError("needs pairs of points", option="--only-pairs", remedy="give --pairs F.csv")
     if (out := options.out) is not None:
@@ -109,6 +92,8 @@ def run(options: argparse.Namespace) -> int:
         if not out.parent.is_dir():
             raise InputError("its folder does not exist", option="--out", value=out, remedy=f"make {out.parent} first")
     pairs = None if options.pairs is None else read_pairs(options.pairs)
+    if model_moves(options.moving, options.fixed):
+        return align_model(options.moving, open_source(options.fixed), pairs, out, surfaces=not options.only_pairs)
     moving, fixed = (open_source(path) for path in (options.moving, options.fixed))
     found = aligned(moving, fixed, pairs, surfaces=not options.only_pairs)
     print(report(found, moving, fixed))

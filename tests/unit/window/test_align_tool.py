@@ -5,19 +5,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from cloud_files import write_ply
-from swept_room import PLACES, sweep
+from swept_room import PLACES, ROOM, sweep
 from window_session import until_idle
 
 from pointglass.viewer.common.rigid_transform import Rows, inverse, moved_points, rigid, rotation_about
 from pointglass.viewer.grid.records.file_records import FileRecords
+from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.registering.align_tool import Align
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, ToolContext
 from pointglass.viewer.window.session.session import Session
 from pointglass.viewer.work.document import ScanFile
+from pointglass.viewer.work.meshes.pick_mesh import ON_MODEL
 from pointglass.viewer.work.places.pick import Picked
-from pointglass.viewer.work.project import moves_of
+from pointglass.viewer.work.project import moves_of, read_project
 from pointglass.viewer.work.registration.moved_files import transforms_of, with_transform
 
 CORNERS = np.array([[2.9, 2.4, 1.3], [-2.9, 2.4, -1.3], [2.9, -2.4, 0.0], [-2.9, -2.4, 1.3]])
@@ -41,7 +44,8 @@ class Window:
         self.context = ToolContext(self.session, SimpleNamespace(frame=None), SimpleNamespace(scale=1.0))  # type: ignore[arg-type]
         self.tool = Align()
         self.clicked: Picked | None = None
-        monkeypatch.setattr(self.tool._pointing, "at", lambda *_, **__: self.clicked)
+        for pointing in (self.tool._pointing, self.tool._on_meshes):
+            monkeypatch.setattr(pointing, "at", lambda *_, **__: self.clicked)
         self.session.open(self.paths)
         self.turn()
 
@@ -196,3 +200,41 @@ def test_one_file_of_a_folder_of_scans_is_moved_alone(tmp_path):
     assert transforms_of(found, sources) == (None, moved, None)
     assert moves_of(with_transform(found, sources, 1, None)) == {}
     assert with_transform(scans, sources, 2, moved)[0] == scans[0]
+
+
+def test_a_model_is_moved_by_pairs_and_by_the_points_on_its_triangles_undone_and_kept(window, tmp_path):
+    low, high = -ROOM, ROOM
+    box = trimesh.creation.box(high - low)
+    box.export(tmp_path / "room.obj")
+    start = rigid(rotation_about(np.array((0.0, 0.0, 1.0)), 15.0), np.array((0.4, -0.3, 0.2)))
+    context, tool = window.context, window.tool
+    context.session.open(window.paths[:1])
+    window.turn()
+    context.session.work.edit("Lay a model", meshes=(MeshLayer(str(tmp_path / "room.obj"), transform=start),))
+    window.turn()
+    assert tool.names(context) == ["fixed.ply", "model room.obj"] and tool.moving == 1, "what can be moved"
+    for corner in CORNERS[:3]:
+        shift = 0.02 * window.random.normal(size=3)
+        x, y, z = (moved_points(start, corner[None])[0] + shift).tolist()
+        window.clicked = Picked(ON_MODEL, (x, y, z), 1.0, (0, 0, 0), None, ON_MODEL, "model room.obj", (0, 0), exact=True)
+        tool.pointer(PointerEvent("release", (1.0, 1.0), button="left", clicks=1), context)
+        window.click(corner, 0)
+    assert tool.pairs.count == 3
+    tool.apply_pairs(context)
+
+    def off() -> float:
+        (layer,) = context.document.meshes
+        return float(np.abs(moved_points(layer.transform, CORNERS) - CORNERS).max())
+
+    assert 0.001 < off() < 0.1 and "3 pairs agree" in tool.result
+    tool.refine(context)
+    window.turn()
+    assert off() < 0.001 and "points lie 0.00" in tool.result
+    project = tmp_path / "p.pointglass"
+    window.session.work.save_project(project, window.session.camera, Settings(view="filled"), "plain")
+    assert read_project(project).meshes[0].transform == context.document.meshes[0].transform
+    assert context.session.work.undo() == "Refine the place of room.obj" and off() > 0.001
+    assert context.session.work.undo() == "Align model room.obj by pairs" and off() > 0.2
+    context.session.work.undo()
+    window.turn()
+    assert tool.moving == 0 and tool.names(context) == ["fixed.ply"]

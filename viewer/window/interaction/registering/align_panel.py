@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from ....common.rigid_transform import Rows
 from ....common.text import counted, printable
+from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.registration.point_pairs import LEAST, PairFit
 from ....work.scan_files import FilePart
 from ...kit.theme import fitted
@@ -26,6 +27,8 @@ class Aligning(Moving, Protocol):
     worker: Worker | None
 
     def parts(self, context: ToolContext) -> list[FilePart]: ...
+    def names(self, context: ToolContext) -> list[str]: ...
+    def mesh(self, context: ToolContext) -> MeshLayer | None: ...
     def transform(self, context: ToolContext) -> Rows: ...
     def choose(self, number: int) -> None: ...
     def apply_pairs(self, context: ToolContext) -> None: ...
@@ -43,31 +46,34 @@ def draw_panel(ui: Any, tool: Aligning, context: ToolContext) -> None:
     if not parts:
         ui.text_wrapped("Scans can be moved once all points are read and their files are told apart.")
         return
-    _which(ui, tool, parts)
+    names = tool.names(context)
+    if tool.moving >= len(names):
+        return
+    _which(ui, tool, names)
     if tool.worker is not None:
         work_rows(ui, tool.worker)
         return
-    if len(parts) > 1:
+    if len(names) > 1:
         _pairs(ui, tool, context)
     else:
-        ui.text_wrapped("Open a second scan to align this one to it.")
+        ui.text_wrapped("Open a second scan to align this one to it, or lay a model beside it (Meshes) to align that.")
     if tool.result:
         ui.text_wrapped(tool.result)
     ui.separator()
     _numbers(ui, tool, context)
 
 
-def _which(ui: Any, tool: Aligning, parts: list[FilePart]) -> None:
+def _which(ui: Any, tool: Aligning, names: list[str]) -> None:
     width = ui.get_content_region_avail().x
-    if len(parts) == 1:
-        ui.text_unformatted(fitted(name_of(parts[0]), width))
+    if len(names) == 1:
+        ui.text_unformatted(fitted(names[0], width))
         return
-    ui.text_unformatted("scan that moves")
+    ui.text_unformatted("what moves")
     ui.set_next_item_width(-1)
-    if ui.begin_combo("##moving", name_of(parts[tool.moving])):
-        for number, part in enumerate(parts):
+    if ui.begin_combo("##moving", names[tool.moving]):
+        for number, name in enumerate(names):
             ui.push_id(number)
-            if ui.selectable(name_of(part), number == tool.moving)[0]:
+            if ui.selectable(name, number == tool.moving)[0]:
                 tool.choose(number)
             ui.pop_id()
         ui.end_combo()
@@ -77,7 +83,9 @@ def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
     pairs, unit = tool.pairs, unit_of(context)
     if pairs.count < LEAST:
         more = LEAST - pairs.count
-        ui.text_wrapped(f"Click a place in one scan, then the same place in the other: {counted(more, 'more pair')}.")
+        where = "one scan, then the same place in the other" if tool.mesh(context) is None else (
+            "the model, then the same place in the scan")
+        ui.text_wrapped(f"Click a place in {where}: {counted(more, 'more pair')}.")
     found = pairs.fit()
     for number in range(pairs.count):
         ui.push_id(number)
@@ -108,6 +116,9 @@ def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
 
 def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
     move_fields(ui, tool, context)
+    if tool.mesh(context) is not None:
+        moved_rows(ui, tool, tool.transform(context), context)
+        return
     ui.same_line()
     if ui.button("Click its floor…" if tool.levelling else "Level…"):
         tool.levelling = not tool.levelling

@@ -1,4 +1,5 @@
-"""Align: moves a scan to its place beside another, by pairs of points, by surfaces (ICP), by numbers, or to a level floor.
+"""Align: moves a scan, or a mesh, to its place beside another scan, by pairs of points, by surfaces (ICP), by numbers, or to a
+level floor.
 
 Each is a step that can be undone: the document keeps the transformation of the scan, and the scans are read again at their new
 places (reload_moved).  Surfaces are compared on a thread.
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....common.rigid_transform import IDENTITY, Rows, combined, moved_points
+from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.places.pick import Picked
 from ....work.registration.levelling import by_numbers
 from ....work.registration.moved_files import points_of, transforms_of, with_transform
@@ -20,6 +22,7 @@ from ..editing import Pointing, drawn_points, edit, end, ended, unit_of
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .align_panel import draw_panel, name_of
 from .clicked_pairs import Pairs
+from .moving_mesh import middle_of, names_of, number_of, refine_mesh_work, with_mesh_at
 from .refining import Moved, level_work, refine_work
 from .reload_moved import ReloadMoved
 
@@ -31,16 +34,17 @@ _FEW = 20_000
 
 
 class Align(Tool):
-    """moving: number of the file that is moved.  levelling: whether the next click is on its floor.
-    shift, degrees: as typed, to be done.  result: of the last step, in words."""
+    """moving: number of the file that is moved, or, after them, of the mesh.  levelling: whether the next click is on its
+    floor.  shift, degrees: as typed, to be done.  result: of the last step, in words."""
 
     name, label, icon = "align", "Align", icons.ALIGN
-    help = "move a scan to its place beside another"
+    help = "move a scan, or a model, to its place beside another scan"
     cursor = "crosshair"
     takes_clicks = picks = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()
+        self._on_meshes = Pointing(meshes=True)
         self._reload = ReloadMoved()
         self.moving = 0
         self.pairs = Pairs()
@@ -49,6 +53,7 @@ class Align(Tool):
         self.result = ""
         self.worker: Worker | None = None
         self._of: tuple[str, ...] = ()
+        self._meshes = 0
         self._selected = False
 
     # ---- what there is
@@ -61,8 +66,19 @@ class Align(Tool):
         found = files_of(scene)
         return found if all(part.apart for part in found) else []
 
+    def names(self, context: ToolContext) -> list[str]:
+        """Of the files, and of the meshes after them."""
+        return names_of(self.parts(context), context.document.meshes, name_of)
+
+    def mesh(self, context: ToolContext) -> MeshLayer | None:
+        """The mesh that is moved; None where a file is."""
+        number, meshes = self.moving - len(self.parts(context)), context.document.meshes
+        return meshes[number] if 0 <= number < len(meshes) else None
+
     def transform(self, context: ToolContext) -> Rows:
-        """Of the moving file, as the document has it."""
+        """Of the moving file or mesh, as the document has it."""
+        if (layer := self.mesh(context)) is not None:
+            return layer.transform
         assert context.scene is not None
         return transforms_of(context.document.scans, [context.scene.meta.sources[self.moving]])[0] or IDENTITY
 
@@ -80,16 +96,18 @@ class Align(Tool):
         if event.button == "right":
             self.pairs.drop_last()
             return False
-        parts = self.parts(context)
-        if event.button != "left" or event.clicks != 1 or not parts or (len(parts) < 2 and not self.levelling):
+        parts, names = self.parts(context), self.names(context)
+        if event.button != "left" or event.clicks != 1 or not parts or (len(names) < 2 and not self.levelling):
             return False
-        picked = self._pointing.clicked(context, event.position)
+        begun, mesh = self.pairs.begun, self.mesh(context) is not None
+        awaits_scan = self.levelling or (mesh and begun is not None and begun[0])  # a mesh may stand before it
+        picked = (self._pointing if awaits_scan else self._on_meshes).clicked(context, event.position)
         if picked is None:
             return False
-        of = next((number for number, part in enumerate(parts) if picked.scan in part.numbers), None)
+        of = number_of(picked, parts, context.document.meshes)
         moves = of == self.moving
         if of is None or not (moves if self.levelling else self.pairs.takes(moves)):
-            whose = name_of(parts[of]) if of is not None else "none of the files"
+            whose = names[of] if of is not None else "none of the files"
             context.toast(f"{self.hint(context)}; this point is of {whose}")
             return False
         if self.levelling:
@@ -117,13 +135,14 @@ class Align(Tool):
 
     def hint(self, context: ToolContext) -> str:
         parts = self.parts(context)
+        names = self.names(context)
         if self.levelling and parts:
-            return f"Click the floor of {name_of(parts[self.moving])}"
-        if len(parts) < 2:
+            return f"Click the floor of {names[self.moving]}"
+        if len(names) < 2 or self.moving >= len(names):
             return ""
         if (begun := self.pairs.begun) is not None:
-            return f"Click the same place in {'a scan that stays' if begun[0] else name_of(parts[self.moving])}"
-        return "Click a place that both scans show" if self.pairs.count < LEAST else ""
+            return f"Click the same place in {'a scan that stays' if begun[0] else names[self.moving]}"
+        return "Click a place that both show" if self.pairs.count < LEAST else ""
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         if not self.parts(context):
@@ -146,6 +165,9 @@ class Align(Tool):
     def place(self, context: ToolContext, number: int, transform: Rows, label: str) -> None:
         """Gives a file a transformation, as a step that can be undone."""
         assert context.scene is not None
+        if (at := number - len(self.parts(context))) >= 0:
+            edit(context, label, meshes=with_mesh_at(context.document.meshes, at, transform))
+            return
         scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform)
         if context.document.measurements or context.document.annotations:
             context.toast("Measurements and notes stay where they are")
@@ -156,19 +178,22 @@ class Align(Tool):
         found = self.pairs.fit()
         if found is None or isinstance(found, str):
             return
-        parts = self.parts(context)
         self.result = f"{self.pairs.count} pairs agree to {found.rms:.3g} {unit_of(context)} (RMS)"
-        self.place(context, self.moving, found.transform, f"Align {name_of(parts[self.moving])} by pairs")
+        self.place(context, self.moving, found.transform, f"Align {self.names(context)[self.moving]} by pairs")
 
     def refine(self, context: ToolContext) -> None:
         """Compares the surfaces, on a thread, from where the pairs lead, else from where the scan is."""
         scene, parts, before = context.scene, self.parts(context), self.transform(context)
-        if scene is None or len(parts) < 2:
+        layer = self.mesh(context)
+        if scene is None or not parts or (len(parts) < 2 and layer is None):
             return
         found = self.pairs.fit()
         start = before if found is None or isinstance(found, str) else found.transform
-        name = name_of(parts[self.moving])
-        work = refine_work(scene, parts, self.moving, before, start, name, unit_of(context))
+        name, unit = self.names(context)[self.moving], unit_of(context)
+        if layer is not None:
+            work = refine_mesh_work(scene, parts, self.moving, layer, start, unit)
+        else:
+            work = refine_work(scene, parts, self.moving, before, start, name, unit)
         self.worker = Worker(work, f"Aligning {name}", context.session.loads.wake)
 
     def _level(self, context: ToolContext, picked: Picked, parts: list[FilePart]) -> None:
@@ -179,26 +204,31 @@ class Align(Tool):
         self.worker = Worker(work, "Fitting the floor", context.session.loads.wake)
 
     def move_by_numbers(self, context: ToolContext) -> None:
-        """Turns the scan about the vertical through its middle, and shifts it."""
-        scene, parts = context.scene, self.parts(context)
+        """Turns the scan or mesh about the vertical through its middle, and shifts it."""
+        scene, parts, layer = context.scene, self.parts(context), self.mesh(context)
         if scene is None or not parts:
             return
-        middle = points_of(scene, [parts[self.moving]], _FEW).mean(axis=0)
+        middle = points_of(scene, [parts[self.moving]], _FEW).mean(axis=0) if layer is None else middle_of(layer)
         shift = self.shift[0], self.shift[1], self.shift[2]
         motion = by_numbers(shift, self.degrees, middle, np.array(context.document.up))
-        self.place(context, self.moving, combined(motion, self.transform(context)), f"Move {name_of(parts[self.moving])}")
+        self.place(context, self.moving, combined(motion, self.transform(context)), f"Move {self.names(context)[self.moving]}")
         self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
 
     def put_back(self, context: ToolContext) -> None:
         """Puts the scan where its file has it."""
         self.result = ""
-        self.place(context, self.moving, IDENTITY, f"Put {name_of(self.parts(context)[self.moving])} back")
+        self.place(context, self.moving, IDENTITY, f"Put {self.names(context)[self.moving]} back")
 
     def follow(self, context: ToolContext) -> None:
         sources = context.scene.meta.sources if context.scene is not None else ()
         if sources != self._of:
             self._of, self.moving, self.result, self.levelling = sources, max(len(sources) - 1, 0), "", False
             self.pairs.clear()
+        meshes = len(context.document.meshes)
+        if meshes != self._meshes or self.moving >= max(len(sources) + meshes, 1):
+            if len(sources) == 1 or self.moving >= len(sources):  # a mesh beside one scan is what can be moved
+                self.choose(len(sources) + meshes - 1)
+            self._meshes = meshes
         done = ended(self.worker, context, "The scan was not aligned")
         if done is not None:
             self.worker = None
@@ -220,11 +250,13 @@ class Align(Tool):
             context.toast("Aligning cancelled")
             return
         found: Moved | None = done.result
-        if found is None or context.scene is None or found.number >= len(context.scene.meta.sources):
+        if found is None or context.scene is None or found.number >= len(self.names(context)):
             return
-        now = transforms_of(context.document.scans, context.scene.meta.sources)[found.number] or IDENTITY
+        at = found.number - len(self.parts(context))
+        now = context.document.meshes[at].transform if at >= 0 else transforms_of(
+            context.document.scans, context.scene.meta.sources)[found.number] or IDENTITY
         if now != found.before:
-            context.toast("The scan was moved meanwhile: refine again")
+            context.toast("It was moved meanwhile: refine again")
             return
         self.result = found.text
         self.place(context, found.number, found.after, found.label)
