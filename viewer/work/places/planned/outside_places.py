@@ -29,8 +29,8 @@ _POINTS = 30_000
 """Points whose visibility is decided, at most."""
 _LEAST_GAIN = 0.06
 """What another place must add, as a share of what the first one sees."""
-_DOWN = np.radians(-22.0)
-"""Pitch of the first view over a landscape: the horizon is near the top of the picture."""
+_DOWN = np.radians(-35.0)
+"""Pitch of the first view over a landscape: the ground two heights away lies above the middle of the picture."""
 _WIDE = 4.0
 """Heights: a scan that is wider, and flat or with points too far apart to stand among, is a landscape.  A smaller one would lie
 under a single place, below the picture: it is a thing to look at."""
