@@ -9,7 +9,7 @@ import subprocess
 import time
 
 PROGRAM = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
-_KEYS = {"ArrowUp": 38, "Escape": 27, "Enter": 13}
+_KEYS = {"ArrowUp": 38, "ArrowLeft": 37, "Escape": 27, "Enter": 13}
 
 
 class Page:
@@ -64,6 +64,21 @@ class Page:
             at = x + (to_x - x) * step / steps, y + (to_y - y) * step / steps
             self._ask("Input.dispatchMouseEvent", type="mouseMoved", x=at[0], y=at[1], button="left", buttons=1)
         self._ask("Input.dispatchMouseEvent", type="mouseReleased", x=to_x, y=to_y, button="left", clickCount=1)
+
+    def touch_screen(self):
+        """From the next page on, the device has a touch screen."""
+        self._ask("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+
+    def swipe(self, x, y, to_x, to_y, steps=8):
+        self._ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+        for step in range(1, steps + 1):
+            at = {"x": x + (to_x - x) * step / steps, "y": y + (to_y - y) * step / steps}
+            self._ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[at])
+        self._ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def prefers(self, scheme):
+        """light or dark."""
+        self._ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
     def wheel(self, x, y, down):
         self._ask("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)

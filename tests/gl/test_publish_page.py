@@ -2,6 +2,10 @@
 distances that are known."""
 
 import json
+import threading
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import chromium
 import firefox
@@ -122,5 +126,78 @@ def test_a_device_that_is_slow_draws_fewer_pixels_while_something_moves_and_all_
         page.until(f"window.pointglass.panorama.canvas.width === {width}")
         page.value("new Promise((done) => setTimeout(done, 1500))")
         assert page.value("window.pointglass.panorama.canvas.width") == width, "it stays so while nothing moves"
+    finally:
+        page.close()
+
+
+@contextmanager
+def served(folder):
+    """The address of a folder on a server of static files."""
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.mark.parametrize(("browser", "distances"), [BROWSERS["chromium"]])
+def test_a_page_from_a_server_is_used_by_mouse_touch_keys_links_and_sensor(tmp_path, site, browser, distances):
+    page, view = browser.Page(tmp_path / "profile"), "window.pointglass.view"
+    try:
+        page.touch_screen()
+        with served(site) as address:
+            page.open(address + "#place=1&yaw=30&pitch=5&fov=50")
+            page.until("document.body && document.body.classList.contains('ready')")
+            looked = f"[{view}.index, {view}.yaw, {view}.pitch, {view}.fov]"
+            assert np.allclose(page.value(looked), [0, np.radians(30), np.radians(5), 50], atol=1e-3)
+            page.value("location.hash = '#place=1&yaw=-60&pitch=0&fov=75'")
+            page.until(f"Math.abs({view}.yaw + Math.PI / 3) < 1e-3")
+            for turned, moved in ((page.drag, 1), (page.swipe, -1)):
+                before = page.value(f"{view}.yaw")
+                turned(600, 300, 600 + 200 * moved, 300)
+                page.until(f"{moved} * ({view}.yaw - ({before})) > 0.1")
+            page.wheel(600, 300, -200)
+            page.until(f"{view}.fov < 70")
+
+            page.key("v")
+            page.until(f"{view}.second === 0.5")
+            page.value("document.getElementById('handle').focus()")
+            page.key("ArrowLeft")
+            assert page.until(f"{view}.second < 0.5 && {view}.place.textures.second.length === 6")
+            assert page.value("document.getElementById('handle').getAttribute('aria-valuenow')") == "48"
+            page.key("t")
+            page.until(f"{view}.tint === 1 && {view}.place.textures.measured.length === 6")
+
+            page.key("p"), page.key("p")  # the plan is there again
+            page.value("document.querySelector('#plan [data-place=\"1\"]').click()")
+            # on the way both places are meshes by depth, the one that is left over the other: no fade of flat pictures
+            page.until("[window.pointglass.panorama.here, window.pointglass.panorama.over]"
+                       ".every(({ meshes }) => meshes.length === 6 && meshes[0].geometry.index.count > 1000)")
+            page.until(f"{view}.index === 1 && !{view}.going")
+
+            page.value("document.getElementById('phone').click()")
+            yaws = []
+            for alpha in (10, 10, 40):
+                page.value("window.dispatchEvent(new DeviceOrientationEvent('deviceorientation',"
+                           f"{{ alpha: {alpha}, beta: 90, gamma: 0 }}))")
+                yaws.append(page.value(f"{view}.yaw"))
+            assert np.isclose(yaws[2] - yaws[1], np.radians(30), atol=1e-6)
+
+            nameless = ("[...document.querySelectorAll('button, a, [role=slider]')].filter((each) => !each.closest('[hidden]')"
+                        "&& !(each.ariaLabel || each.textContent.trim() || each.title)).map((each) => each.outerHTML)")
+            assert page.value(nameless) == []  # a screen reader has words for all that can be pressed
+            panels = []
+            for scheme in ("light", "dark"):
+                page.prefers(scheme)
+                panels.append(page.value("getComputedStyle(document.getElementById('tools')).backgroundColor"))
+            assert panels[0] != panels[1]
+            assert page.complaints == []
+            assert [each for each in page.requests if not each.startswith((address, "data:", "blob:"))] == []
     finally:
         page.close()
