@@ -14,6 +14,7 @@ from pointglass.viewer.common.rigid_transform import Rows, inverse, moved_points
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.interaction.meshes.mesh_tool import Meshes
 from pointglass.viewer.window.interaction.registering.align_tool import Align
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, ToolContext
 from pointglass.viewer.window.session.session import Session
@@ -233,6 +234,13 @@ def test_a_model_is_moved_by_pairs_and_by_the_points_on_its_triangles_undone_and
     project = tmp_path / "p.pointglass"
     window.session.work.save_project(project, window.session.camera, Settings(view="filled"), "plain")
     assert read_project(project).meshes[0].transform == context.document.meshes[0].transform
+    meshes = Meshes()
+    context.files = SimpleNamespace(save=lambda purpose, title, name, kinds, done: done(tmp_path / name))  # type: ignore
+    meshes.ask_export(context)
+    until_idle(window.session, lambda: meshes.follow(context), lambda: meshes.exporting is not None)
+    assert [path.name for path in window.session.notices.saved] == ["fixed meshes.glb"]
+    x, y, z = trimesh.load_scene(tmp_path / "fixed meshes.glb").to_geometry().vertices.T
+    assert np.abs(np.abs(np.column_stack([x, -z, y])) - ROOM).max() < 0.001, "the room at its place"
     assert context.session.work.undo() == "Refine the place of room.obj" and off() > 0.001
     assert context.session.work.undo() == "Align model room.obj by pairs" and off() > 0.2
     context.session.work.undo()

@@ -22,6 +22,7 @@ from ...readers.grid_folder import is_grid
 from ...work.selection import Selection, classes_of, clips_of, region_named
 from ..open_project import opened
 from .losses import Losses
+from .mesh_export import MESH_ENDINGS, check_mesh_out, export_meshes
 from .reproject import target_of
 from .splat_export import BUDGET, NAME, SPLATS, SplatTarget, budget_of, splat_bytes, splat_target, write_splats
 from .targets import TARGETS, bytes_needed, check_ending, write
@@ -63,6 +64,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="PLY: also write columns besides coordinates, colour, intensity, scan and class, and 16-bit colours",
     )
+    parser.add_argument("--meshes", action="store_true",
+                        help=f"write the meshes beside the points, each at its place, no points: {', '.join(MESH_ENDINGS)}")
     parser.add_argument("--splats", action="store_true", help=f"PLY: Gaussian splats, whether the name ends in {NAME} or not")
     parser.add_argument(
         "--budget",
@@ -148,6 +151,8 @@ def _check_not_source(selection: Selection, out: Path) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
+    if options.meshes:
+        return _write_meshes(options)
     budget = None if options.budget is None else budget_of(options.budget)
     drawn = _splat_target(options.out, options.splats, budget is not None, options.all_columns or options.reproject is not None)
     if options.reproject is not None:
@@ -155,7 +160,7 @@ def run(options: argparse.Namespace) -> int:
     boxes, classes = clips_of(options.clip), classes_of(options.classes)
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
-    scene, document = opened(options, match=matched or drawn is not None or not options.no_cache, writes=True)
+    scene, document = opened(options, match=matched or drawn is not None or not options.no_cache, writes=True, meshes=True)
     region = None if options.region is None else region_named(document.regions, options.region)
     if region is not None:
         document = replace(document, regions=tuple(each for each in document.regions if each is not region))
@@ -167,6 +172,8 @@ def run(options: argparse.Namespace) -> int:
 
     for line in unknown_sets(scene, document):
         note(line)
+    if document.meshes:
+        note(f"{counted(len(document.meshes), 'mesh file')} beside the points: not in this file, --meshes writes them")
     count = export(
         selection,
         options.out,
@@ -180,4 +187,19 @@ def run(options: argparse.Namespace) -> int:
         note=note,
     )
     print(f"{counted(count, 'point' if drawn is None else 'splat')} in {options.out}")
+    return 0
+
+
+def _write_meshes(options: argparse.Namespace) -> int:
+    """``--meshes``.  Raises InputError where another option is for points."""
+    given = {"--clip": options.clip, "--class": options.classes, "--region": options.region, "--reproject": options.reproject,
+             "--splats": options.splats, "--budget": options.budget, "--all-columns": options.all_columns}
+    if unsuited := next((name for name, value in given.items() if value), None):
+        raise InputError("is for points; meshes are written whole", option=unsuited, remedy="leave out one of both options")
+    check_mesh_out(options.out)
+    scene, document = opened(options, match=not options.no_cache, meshes=True)
+    count, lost = export_meshes(document.meshes, options.out, scene.meta.metres_per_unit, document.up)
+    for line in lost:
+        print(f"pointglass: {options.out}: {line}", file=sys.stderr)
+    print(f"{counted(count, 'triangle')} in {options.out}")
     return 0

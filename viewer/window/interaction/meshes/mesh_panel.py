@@ -11,6 +11,7 @@ from ....readers.meshes.mesh_data import PLAIN, MeshData
 from ....work.meshes.laid_meshes import apart, assumed, bounds_of
 from ...kit.theme import fitted
 from ...kit.widgets import work_rows
+from ...kit.worker import Worker
 from ..editing import unit_of
 from ..registering.move_fields import Moving, move_fields, moved_rows, number_field
 from ..tool import ToolContext
@@ -24,7 +25,9 @@ class Laying(Moving, Protocol):
 
     loads: MeshLoads
     chosen: int | None
+    exporting: Worker | None
 
+    def ask_export(self, context: ToolContext) -> None: ...
     def mesh(self, layer: MeshLayer) -> MeshData | None: ...
     def layer(self, context: ToolContext) -> MeshLayer | None: ...
     def ask(self, context: ToolContext) -> None: ...
@@ -48,6 +51,10 @@ def draw_panel(ui: Any, tool: Laying, context: ToolContext) -> None:
         if ui.selectable(fitted(layer.name, ui.get_content_region_avail().x), number == tool.chosen)[0]:
             tool.chosen = None if number == tool.chosen else number
         ui.pop_id()
+    if meshes and tool.exporting is None and ui.button("Export meshes…"):
+        tool.ask_export(context)
+    if tool.exporting is not None:
+        ui.text_wrapped(tool.exporting.title)
     layer = tool.layer(context)
     if layer is None or tool.chosen is None:
         return

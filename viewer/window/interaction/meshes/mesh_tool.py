@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,13 @@ from ....work.document import replaced, without
 from ....work.meshes.laid_meshes import bounds_of
 from ....work.registration.levelling import by_numbers
 from ...kit import icons
-from ..editing import edit
+from ...kit.worker import Worker
+from ...saving.capture import name_kept
+from ..editing import edit, end, ended, facts_of
 from ..outline import Group, Row
 from ..tool import Tool, ToolContext
 from .mesh_loads import MeshLoads
 from .mesh_panel import draw_panel
-
-if TYPE_CHECKING:
-    from ...kit.worker import Worker
 
 _AWAY = 1.9
 """Extents of a mesh, in heights of the picture a unit away, from its middle to where the camera flies to see it."""
@@ -40,6 +39,8 @@ class Meshes(Tool):
         self.loads = MeshLoads()
         self.chosen: int | None = None
         self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
+        self.exporting: Worker | None = None
+        self._out: Path | None = None
 
     def mesh(self, layer: MeshLayer) -> MeshData | None:
         """The triangles of a mesh, None where they are not in memory."""
@@ -58,6 +59,22 @@ class Meshes(Tool):
             context.session.work.arriving_meshes += paths
 
         context.files.open("scans", "Lay meshes beside the scan", {"Meshes": tuple(MESH_FORMATS)}, arrive, many=True)
+
+    def ask_export(self, context: ToolContext) -> None:
+        """Asks for a file, and writes the meshes that are shown there, at their places."""
+        from ....commands.exporting.mesh_export import MESH_ENDINGS, export_meshes
+
+        document, metres = context.document, facts_of(context).metres_per_unit
+
+        def chosen(out: Path) -> None:
+            def work() -> list[str]:
+                with name_kept(out):
+                    return export_meshes(document.meshes, out, metres, document.up)[1]
+
+            self._out, self.exporting = out, Worker(work, f"Writing {out.name}", context.wake)
+
+        name = f"{context.session.shown_scan.title.split('.')[0]} meshes.glb"
+        context.files.save("exports", "Export the meshes", name, {end[1:].upper(): (end,) for end in MESH_ENDINGS}, chosen)
 
     def change(self, context: ToolContext, number: int, label: str, gesture: object = None, **changes: Any) -> None:
         """Changes a mesh as one step.  label, gesture: as in History.do."""
@@ -117,6 +134,12 @@ class Meshes(Tool):
 
     def follow(self, context: ToolContext) -> None:
         self.loads.follow(context)
+        if (done := ended(self.exporting, context, "The meshes were not written")) is not None:
+            self.exporting = None
+            if done.error is None and not done.cancelled and self._out is not None:
+                context.tell_saved(self._out)
+                for line in done.result:
+                    context.toast(f"{self._out.name}: {line}")
         if (added := self.loads.added) is not None:
             self.chosen, self.loads.added = added, None
         if self.chosen is not None and self.chosen >= len(context.document.meshes):  # undone, or another document
@@ -143,8 +166,13 @@ class Meshes(Tool):
         draw_panel(ui, self, context)
 
     @property
-    def workers(self) -> "tuple[Worker | None, ...]":
-        return (self.loads.worker,)
+    def workers(self) -> tuple[Worker | None, ...]:
+        return self.loads.worker, self.exporting
+
+    @property
+    def unfinished(self) -> str:
+        return "Meshes are being written." if self.exporting is not None else ""
 
     def close(self) -> None:
         self.loads.close()
+        end(self.exporting)
