@@ -247,7 +247,7 @@ def _run_logged(options: argparse.Namespace) -> int:
 
 def _files_of(options: argparse.Namespace) -> list[Path]:
     """The files, and the grid, that a command line names to be written."""
-    given = [getattr(options, name, None) for name in ("out", "json", "plot", "worst")]
+    given = [getattr(options, name, None) for name in ("out", "json", "plot", "worst", "plan")]
     found = [path for path in given if isinstance(path, Path)]
     if options.command == "simulate":
         from ..model.synth.demo import cameras_of

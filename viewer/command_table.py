@@ -107,6 +107,8 @@ def _compare_options(parser: argparse.ArgumentParser) -> None:
 def _info_options(parser: argparse.ArgumentParser) -> None:
     add_scans(parser)
     parser.add_argument("--json", action="store_true", help="print everything that is known, as JSON")
+    parser.add_argument("--plan", type=Path, metavar="FILE.html",
+                        help="also write a page for a browser: a plan with the outline and name of each file, dates and points")
 
 
 def _convert_options(parser: argparse.ArgumentParser) -> None:

@@ -212,6 +212,17 @@ def test_a_second_publication_into_one_folder_is_refused_while_the_first_runs(pu
     assert not (tmp_path / "site" / "index.html").exists() and not list((tmp_path / "site" / "places").iterdir())
 
 
+def test_several_files_have_an_index_page_that_leads_to_the_places(tmp_path):
+    files = [room(tmp_path / f"{name}.laz", seed) for seed, name in enumerate("ab")]
+    arguments = "--out", tmp_path / "site", "--view", "filled", "--places", "1", "--face-size", "512", "--second", "none"
+    done = publish(*files, *arguments)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "site" / "overview.html").read_text("utf-8")
+    assert 'href="index.html#place=1"' in page and 'href="index.html#place=2"' not in page
+    assert all(f'href="#file{number}">{name}</a>' in page for number, name in enumerate("ab"))
+    assert str(tmp_path) not in page and "<script" not in page
+
+
 def test_a_folder_with_other_files_is_left_alone(published, tmp_path):
     _, scan, _ = published
     (tmp_path / "thesis.txt").write_text("years of work")

@@ -2,6 +2,7 @@
 
     index.html page.css page.js    the page, the same for every scan
     scene.js                       names, places, notes, viewpoints, plans
+    overview.html                  of several files: a plan with their outlines, names, dates, and the places
     places/000.first.js            of each place: small pictures and depth, enough to look around and to go on
     places/000.full.js             pictures at full size
     places/000.depth.js            depth at the size of the small pictures, to measure on
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).parent / "page"
 """The page as it is copied; built from web/ by `make web`."""
 PAGE_FILES = ("page.css", "page.js", "index.html")
+OVERVIEW = "overview.html"
 _FORMAT = 1
 """Of the data; a folder of another format is made anew."""
 _FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY = 86, 90, 70
@@ -200,6 +202,13 @@ class Publication:
         from html import escape
 
         files = {"scene.js": scene_script, **{name: (PAGE / name).read_bytes() for name in PAGE_FILES}}
+        if len(self.scene.meta.sources) > 1 and self.scene.records is not None:
+            from .overview_page import overview_page
+
+            page = overview_page(self.scene, self.title, edits=self._edits, up=self.document.up, places=self.places)
+            write_atomic(self.out / OVERVIEW, lambda path: path.write_text(page, "utf-8"))
+        else:
+            (self.out / OVERVIEW).unlink(missing_ok=True)
         files["index.html"] = files["index.html"].replace(b"{{title}}", escape(self.title).encode("utf-8", "replace"))
         for name, data in files.items():  # index.html last: a folder without it is not finished
             write_atomic(self.out / name, lambda path, data=data: path.write_bytes(data))
@@ -267,7 +276,7 @@ def check_folder(out: Path) -> None:
         return
     if not out.is_dir():
         raise InputError("a file has this name", file=out, remedy=("choose another ", Option("--out")))
-    ours = {"places", "notes", "scene.js", *PAGE_FILES}
+    ours = {"places", "notes", "scene.js", OVERVIEW, *PAGE_FILES}
     other = next((entry.name for entry in out.iterdir() if entry.name not in ours and not entry.name.startswith(".")), None)
     if other is not None:
         raise InputError(f"holds other files ({other})", file=out, remedy="give a new or empty folder, or one of publish")
