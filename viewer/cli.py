@@ -20,7 +20,7 @@ from ..model.common.loop_cache import NOTICE
 from .command_table import COMMANDS, make_parser
 from .commands.neural_setup import check_weights
 from .commands.options import memory_of, settings_of
-from .commands.workers_option import workers_of
+from .commands.workers_option import own_cache, workers_of
 from .common.command_log import logging_to
 from .common.errors import InputError, Option
 from .common.failures import report, tell
@@ -234,7 +234,7 @@ def _run_logged(options: argparse.Namespace) -> int:
         if options.command != "render":  # which does without garbage collection until its first picture
             _end_of_start()
         sweep_recorded()
-        with replaced_told(_files_of(options)):
+        with own_cache(options), replaced_told(_files_of(options)):
             code = _RUN[options.command](options)
         if sys.stdout is not None:
             sys.stdout.flush()

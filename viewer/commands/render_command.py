@@ -19,7 +19,7 @@ from .neural_setup import check_weights
 from .options import memory_of
 from .photo_option import give_photographs, photographs_of_folder
 from .render_pictures import check_aux, export_picture, export_pictures, parse_shard, parse_size, picture_files
-from .workers_option import check_cached, workers_of
+from .workers_option import workers_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -87,7 +87,6 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
     from ..work.pictures.shot_metadata import read_shot
 
     workers, memory = workers_of(options), memory_of(options)
-    check_cached(options, workers)
     scans, meshes = scans_and_meshes(options.scans)
     exposures, shot, size = options.exposures, None, parse_size(options.size) if options.size else None
     if options.like:

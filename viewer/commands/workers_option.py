@@ -1,11 +1,18 @@
 """The options ``--workers`` and ``--scheduler``: who does the independent parts of a command."""
 
 import argparse
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
+from ...model.common.files.temporary import temporary_folder
 from ..common.errors import InputError, Option
 from ..common.text import whole_number
 from ..common.workers.run_tasks import Workers
 
+_CACHE = "POINTGLASS_CACHE"
 MOST = 256
 """Processes of one machine; a limit for mistyped numbers."""
 
@@ -33,9 +40,24 @@ def workers_of(options: argparse.Namespace) -> Workers | None:
     return Workers(count)
 
 
-def check_cached(options: argparse.Namespace, workers: Workers | None) -> None:
-    """Raises InputError where workers are to open a scan whose grid is not kept."""
-    if workers is not None and options.no_cache:
-        raise InputError("workers open the grid from the cache", option="--no-cache",
-                         remedy=("leave it out, or ", Option("--workers" if workers.scheduler is None else "--scheduler")))
-
+@contextmanager
+def own_cache(options: argparse.Namespace) -> Iterator[None]:
+    """Where workers are to open a scan whose grid is not kept, the command has a cache of its own in the folder for temporary
+    files, which is removed at its end.  Raises InputError where the workers are those of a scheduler, on any machine."""
+    workers = workers_of(options) if getattr(options, "no_cache", False) and hasattr(options, "workers") else None
+    if workers is None:
+        yield
+        return
+    if workers.scheduler is not None:
+        raise InputError("workers of a scheduler open the grid from the cache", option="--no-cache",
+                         remedy=("leave it out, or ", Option("--scheduler")))
+    before = os.environ.get(_CACHE)
+    with temporary_folder(Path(tempfile.gettempdir()) / "pointglass-grids") as folder:
+        os.environ[_CACHE], options.no_cache = str(folder), False
+        try:
+            yield
+        finally:
+            if before is None:
+                del os.environ[_CACHE]
+            else:
+                os.environ[_CACHE] = before

@@ -214,9 +214,20 @@ def test_an_error_in_a_worker_is_one_line_and_exit_code_2(scan, cameras, picture
     assert hidden(tmp_path) == []
 
 
+def test_workers_without_the_cache_keep_no_grid_and_make_the_same_pictures(scan, cameras, pictures, tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    ended = run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", "--workers", 2,
+                "--no-cache")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert content(tmp_path / "out") == pictures
+    assert not [*(tmp_path / "temporary").iterdir()] and not list((tmp_path / "cache").glob("*/meta.json"))
+
+
 @pytest.mark.parametrize(("given", "said"), [
     (["--workers", "0"], "--workers '0': expected a number of processes from 1 to 256"),
-    (["--workers", "2", "--no-cache"], "--no-cache: workers open the grid from the cache"),
+    (["--scheduler", "tcp://127.0.0.1:1", "--no-cache"], "--no-cache: workers of a scheduler open the grid from the cache"),
     pytest.param(["--scheduler", "tcp://127.0.0.1:1"], "--scheduler 'tcp://127.0.0.1:1': ", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_what_cannot_be_distributed_is_refused(scan, cameras, tmp_path, given, said):

@@ -17,7 +17,7 @@ from ...work.cameras.pace import Pace
 from ...work.cameras.path import frame_name, interpolate, passing_shares
 from ...work.document import LONGEST_STAY, FilmTitle
 from ...work.pictures.film_titles import NO_TITLES, FilmTitles, timed_titles
-from ..workers_option import add_workers, check_cached, workers_of
+from ..workers_option import add_workers, workers_of
 from .film_record import MP4, describe, folder_line, ingredients
 from .opened_renderer import opened_renderer
 from .path_timing import PathTiming, timing_of
@@ -196,7 +196,6 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
 
     check(options)
     workers = workers_of(options)
-    check_cached(options, workers)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
     path = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds, stay=options.stay, ease=options.ease)
     cameras, rate, titles = path.cameras, path.rate, titles_of(options, path)

@@ -14,7 +14,7 @@ from ...picture.views import VIEWS
 from ...preprocess.scan_description import ScanWarning, WarningTopic
 from ..neural_setup import check_weights
 from ..options import memory_of
-from ..workers_option import add_workers, check_cached, workers_of
+from ..workers_option import add_workers, workers_of
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -96,7 +96,6 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     from .publication import Form, Publication, check_folder
 
     wanted, workers = parse_places(options.places), workers_of(options)
-    check_cached(options, workers)
     check_folder(options.out)
     from ...work.project import is_project
     from ..open_project import opened
