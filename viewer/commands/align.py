@@ -36,7 +36,7 @@ class Found:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options."""
     parser.add_argument("moving", type=Path, metavar="MOVING",
-                        help="the scan that is moved, or a mesh (glTF, OBJ, STL, PLY with faces)")
+                        help="the scan that is moved, or a mesh (glTF, OBJ, STL, IFC, PLY with faces)")
     parser.add_argument("fixed", type=Path, metavar="FIXED", help="the scan that stays")
     parser.add_argument("--pairs", type=Path, metavar="F.csv",
                         help="pairs of points to begin with: six numbers a line, x y z in MOVING and x y z in FIXED; without "

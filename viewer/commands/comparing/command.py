@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         f"{KNOWN_FILES} file, {KNOWN_FOLDERS} folder, or a folder of scans")  # fmt: skip
     parser.add_argument("after", type=Path, metavar="AFTER",
                         help="the scan whose points get distances; both must have the same coordinates.  One of both may be a "
-                             "mesh (glTF, OBJ, STL, PLY with faces): the points of the scan get signed distances from it")
+                             "mesh (glTF, OBJ, STL, IFC, PLY with faces): the points of the scan get signed distances from it")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help=f"folder for {FILES[0]} (points of AFTER with distance and uncertainty), {FILES[1]} (statistics, "
                              f"histogram) and {FILES[2]}")

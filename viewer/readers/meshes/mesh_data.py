@@ -37,7 +37,8 @@ class Textures:
 class MeshData:
     """vertices: (V, 3) float64, the file's coordinates.  faces: (F, 3) int32.  normals: (F, 3, 3) float32 at the corners
     of faces.  rgb: (V, 3) uint8 sRGB.  format: of its file.  checksum: as of MeshLayer.
-    notes: what was assumed or left out, in words."""
+    notes: what was assumed or left out, in words.  elements: names of the parts of a building, and of_element (F,) int32 which
+    of them each face is of; empty where the file has none."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -48,6 +49,12 @@ class MeshData:
     coloured: bool = False
     textures: Textures = field(default_factory=Textures.none)
     notes: tuple[str, ...] = ()
+    elements: tuple[str, ...] = ()
+    of_element: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
+
+    def element(self, face: int) -> str:
+        """The name of the part that a face is of; "" where the file has none."""
+        return self.elements[int(self.of_element[face])] if len(self.of_element) else ""
 
     @property
     def nbytes(self) -> int:
@@ -81,6 +88,8 @@ def mesh_data(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray | None = 
         faces, across = np.ascontiguousarray(faces[good]), across[good]
         if len(textures.of_face):
             textures = Textures(textures.of_face[good], textures.uv, textures.texels, textures.levels)
+        if "of_element" in more:
+            more["of_element"] = more["of_element"][good]
         more["notes"] = (*more.get("notes", ()), f"{int((~good).sum()):,} faces without an area are left out")
     finite = np.isfinite(vertices).all(axis=1, keepdims=True)
     if not finite.all():

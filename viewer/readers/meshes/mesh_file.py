@@ -1,4 +1,4 @@
-"""Reading mesh files: glTF, OBJ, STL and PLY, by trimesh.
+"""Reading mesh files: glTF, OBJ, STL and PLY, by trimesh; IFC by viewer.readers.meshes.ifc_file.
 
 Of files that a mesh names (buffers, materials, pictures) only those in its own folder are read; nothing is fetched or executed.
 Everything that is wrong with a file is one line.  Frame: the file's own; the assumed up axis is viewer.readers.meshes.
@@ -17,6 +17,7 @@ import numpy as np
 from ...common.errors import InputError
 from ..formats import check_file
 from ..own_folder import own_path
+from .ifc_file import read_ifc
 from .mesh_data import MeshData, Textures, mesh_data
 from .mesh_formats import MESH_FORMATS
 from .mesh_textures import Picture, packed_textures, picture_of
@@ -68,6 +69,8 @@ def read_mesh(path: Path) -> MeshData:
     try:
         data = path.read_bytes()
         digest = hashlib.sha256(data)
+        if suffix == ".ifc":
+            return read_ifc(path, digest.hexdigest(), MOST_TRIANGLES)
         return _read(path, suffix, data, digest)
     except InputError:
         raise

@@ -7,9 +7,11 @@ from ...common.errors import InputError
 
 MESH_FORMATS: dict[str, tuple[str, str]] = {
     ".glb": ("glTF", "y"), ".gltf": ("glTF", "y"), ".obj": ("OBJ", "z"), ".stl": ("STL", "z"), ".ply": ("PLY", "z"),
+    ".ifc": ("IFC", "z"),
 }  # fmt: skip
-"""Suffix -> name of the format, and the axis taken for up: glTF states y, and metres; the others state nothing."""
-IN_METRES = ("glTF",)
+"""Suffix -> name of the format, and the axis taken for up: glTF states y, and metres; IFC states z, and its unit, from
+which it is brought to metres (viewer.readers.meshes.ifc_child); the others state nothing."""
+IN_METRES = ("glTF", "IFC")
 """Formats whose unit is the metre."""
 
 

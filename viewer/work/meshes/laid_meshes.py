@@ -31,7 +31,8 @@ def assumed(layer: MeshLayer, mesh: MeshData) -> str:
     """What a mesh's file states about its axes and unit, or what was assumed, in a sentence."""
     if mesh.format in IN_METRES:
         unit = "metres" if layer.scale == 1.0 else f"metres, {layer.scale:g} units of the scan each"
-        return f"{mesh.format}: y is up, {unit}, as the format states"
+        up = MESH_FORMATS[Path(layer.path).suffix.lower()][1]
+        return f"{mesh.format}: {up} is up, {unit}, as the format states"
     return f"{mesh.format} states neither axes nor unit: z is taken for up, and the scan's unit"
 
 

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 ON_MODEL = -1
 """``Picked.index`` and ``Picked.scan`` of a place on a mesh, which is no point of the scene."""
+BESIDE_ELEMENT = " · "
+"""Between the name of a mesh and that of an element."""
 
 
 def pick_mesh(layers: Sequence[MeshLayer], clips: tuple[Clip, ...], camera: "Camera", at: tuple[float, float],
@@ -28,7 +30,8 @@ def pick_mesh(layers: Sequence[MeshLayer], clips: tuple[Clip, ...], camera: "Cam
     """The nearest place of the meshes on the ray through ``at``, pixels of the picture, and its view-space depth; None where
     there is none.  layers: those that are shown.  clips: of the document.
 
-    Picked.station is "model" and the name of the mesh; its place needs no file to be read and has no measured neighbours.
+    Picked.station is "model", the name of the mesh, and that of the building's element where its file tells it; its place needs
+    no file to be read and has no measured neighbours.
     """
     begin, way = camera.ray(at)
     best: tuple[float, MeshLayer, MeshData, int] | None = None
@@ -47,5 +50,7 @@ def pick_mesh(layers: Sequence[MeshLayer], clips: tuple[Clip, ...], camera: "Cam
     x, y, z = (begin + along * way).tolist()
     red, green, blue = layer.colour or tuple(int(value) for value in mesh.rgb[mesh.faces[face]].mean(axis=0))
     pixel = int(np.floor(at[0])), int(np.floor(at[1]))
-    picked = Picked(ON_MODEL, (x, y, z), along, (red, green, blue), None, ON_MODEL, f"model {layer.name}", pixel, exact=True)
+    element = mesh.element(face)
+    name = f"model {layer.name}{BESIDE_ELEMENT}{element}" if element else f"model {layer.name}"
+    picked = Picked(ON_MODEL, (x, y, z), along, (red, green, blue), None, ON_MODEL, name, pixel, exact=True)
     return picked, along * float(way @ camera.forward)

@@ -42,7 +42,7 @@ def draw_panel(ui: Any, tool: Laying, context: ToolContext) -> None:
     if ui.button("Add meshes…"):
         tool.ask(context)
     if ui.is_item_hovered():
-        ui.set_tooltip("glTF, OBJ, STL or PLY files, laid beside the scan; or drop them on the picture")
+        ui.set_tooltip("glTF, OBJ, STL, PLY or IFC files, laid beside the scan; or drop them on the picture")
     if tool.loads.worker is not None:
         work_rows(ui, tool.loads.worker)
     meshes = context.document.meshes

@@ -33,7 +33,7 @@ class Meshes(Tool):
     """chosen: number of the mesh that the inspector shows, None for none.  shift, degrees: typed, not applied yet."""
 
     name, label, icon = "meshes", "Meshes", icons.MESH
-    help = "lay design models beside the scan: glTF, OBJ, STL, PLY"
+    help = "lay design models beside the scan: glTF, OBJ, STL, PLY, IFC"
 
     def __init__(self) -> None:
         self.loads = MeshLoads()

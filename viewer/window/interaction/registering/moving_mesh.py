@@ -16,7 +16,7 @@ from ....readers.meshes.mesh_store import mesh_of
 from ....work.comparing.compared_model import placed_vertices
 from ....work.document import replaced
 from ....work.meshes.laid_meshes import bounds_of
-from ....work.meshes.pick_mesh import ON_MODEL
+from ....work.meshes.pick_mesh import BESIDE_ELEMENT, ON_MODEL
 from ....work.places.pick import Picked
 from ....work.registration.align_mesh import align_mesh, mesh_words
 from ....work.registration.moved_files import points_of
@@ -35,7 +35,9 @@ def names_of(parts: Sequence[FilePart], meshes: Sequence[MeshLayer], name_of: Ca
 def number_of(picked: Picked, parts: Sequence[FilePart], meshes: Sequence[MeshLayer]) -> int | None:
     """The file, or the mesh, that a picked place is of; None where it is of none.  Of meshes of one name the first."""
     if picked.scan == ON_MODEL:
-        return next((len(parts) + at for at, layer in enumerate(meshes) if picked.station == f"model {layer.name}"), None)
+        named = [f"model {layer.name}" for layer in meshes]
+        return next((len(parts) + at for at, name in enumerate(named)
+                     if picked.station == name or picked.station.startswith(name + BESIDE_ELEMENT)), None)
     return next((number for number, part in enumerate(parts) if picked.scan in part.numbers), None)
 
 
