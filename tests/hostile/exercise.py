@@ -222,6 +222,24 @@ def _rgbd(path: Path, depth: int) -> None:
     load_rgbd(path)
 
 
+def _mesh(path: Path, depth: int) -> None:
+    from pointglass.viewer.readers.meshes.mesh_file import read_mesh
+
+    mesh = read_mesh(path)
+    if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.normals).all()):
+        raise Wrong("a number is not finite")
+    if not (len(mesh.faces) and int(mesh.faces.min()) >= 0 and int(mesh.faces.max()) < len(mesh.vertices)):
+        raise Wrong("a face names no vertex")
+    pictures = mesh.textures
+    if len(pictures.of_face) and (len(pictures.of_face) != len(mesh.faces) or pictures.of_face.max() >= len(pictures.levels)):
+        raise Wrong("a face names no picture")
+    if depth % 4 == 1:
+        from pointglass.viewer.work.sheets.mesh_cut import cut_segments, joined_lines, tolerance_of
+
+        middle = float((mesh.bounds[0, 2] + mesh.bounds[1, 2]) / 2)
+        joined_lines(cut_segments(mesh.vertices, mesh.faces, middle), tolerance_of(mesh.vertices))
+
+
 def _command(*arguments: str) -> None:
     """Runs a command in this process: exit code 0, or 2 and one line; nothing else on standard error but warnings."""
     from pointglass.viewer.cli import main
@@ -245,6 +263,7 @@ def _command(*arguments: str) -> None:
 KINDS: dict[str, Callable[[Path, int], None]] = {
     "scan": _scan, "grid": _grid, "cameras": _cameras, "like": _like, "project": _project, "preferences": _preferences,
     "recent": _recent, "film": _film, "unsaved": _unsaved, "weights": _weights, "room": _room, "rgbd": _rgbd,
+    "mesh": _mesh,
 }  # fmt: skip
 
 

@@ -137,3 +137,33 @@ def rooms(folder: Path) -> list[Seed]:
         Seed("rooms", name, kind, files_of(folder / name), "")
         for name, kind in (("room", "room"), ("rgbd", "rgbd"), ("tum", "rgbd"))
     ]
+
+
+def meshes() -> list[Seed]:
+    """A sheet with a picture as glTF in both forms and as OBJ, and a box as STL, in bytes and as text, and as PLY."""
+    import io
+
+    import trimesh
+    from PIL import Image
+
+    def sheet(**more):
+        made = trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 1, 1)], [(0, 1, 2), (0, 2, 3)], process=False)
+        material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.new("RGB", (4, 4), (200, 30, 10)), **more)
+        made.visual = trimesh.visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material)
+        return trimesh.Scene([made])
+
+    picture = io.BytesIO()
+    Image.new("RGB", (4, 4), (200, 30, 10)).save(picture, "PNG")
+    obj = (b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 1 1 1 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
+           b"o other\nf 1 3 4\n")
+    box = trimesh.creation.box()
+    box.visual.vertex_colors = np.arange(32).reshape(8, 4) * 8
+    return [
+        Seed("mesh", "glb", "mesh", {"a.glb": sheet().export(file_type="glb")}, "a.glb"),
+        Seed("mesh", "gltf", "mesh", dict(sheet().export(file_type="gltf")), "model.gltf"),
+        Seed("mesh", "obj", "mesh", {"a.obj": obj, "a.mtl": b"newmtl a\nKd 1 0 0\nmap_Kd t.png\n", "t.png": picture.getvalue()},
+             "a.obj"),
+        Seed("mesh", "stl", "mesh", {"a.stl": box.export(file_type="stl")}, "a.stl"),
+        Seed("mesh", "stl text", "mesh", {"a.stl": box.export(file_type="stl_ascii").encode()}, "a.stl"),
+        Seed("mesh", "ply", "mesh", {"a.ply": box.export(file_type="ply")}, "a.ply"),
+    ]

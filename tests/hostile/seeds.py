@@ -7,7 +7,7 @@ import traceback
 from functools import cache
 from pathlib import Path
 
-from .other_seeds import cameras, grid, rooms, weights, window_files
+from .other_seeds import cameras, grid, meshes, rooms, weights, window_files
 from .scan_seeds import FOLDERS, ONE_FILE, texts
 from .seed import Seed, files_of
 
@@ -64,6 +64,8 @@ def _made(form: str | tuple[str, ...]) -> tuple[Seed, ...]:
             return tuple(cameras(folder).values())
         if form == _GROUPS[1]:
             return tuple(window_files())
+        if form == "mesh":
+            return tuple(meshes())
         if form == "weights":
             return (weights(folder),)
         if form == "rooms":
@@ -71,5 +73,6 @@ def _made(form: str | tuple[str, ...]) -> tuple[Seed, ...]:
     raise KeyError(form)
 
 
-FORMATS = (*ONE_FILE, "text", *FOLDERS, "grid", "nerfstudio", "colmap", "tum", "like", "project", "state", "weights", "rooms")
+FORMATS = (*ONE_FILE, "text", *FOLDERS, "grid", "nerfstudio", "colmap", "tum", "like", "project", "state", "weights", "rooms",
+           "mesh")
 """Everything that is read."""

@@ -122,6 +122,23 @@ def test_a_damaged_mesh_is_one_line(tmp_path, name):
     assert "\n" not in str(told.value) and name in str(told.value)
 
 
+def test_what_is_wrong_with_a_file_is_said_with_the_value_in_our_words(tmp_path):
+    good = trimesh.creation.box().export(file_type="glb")
+    cases = {
+        "noise.glb": (b"PK\3\4" + good[4:], "begins with b'PK"), "cut.glb": (good[:-30], f"has {len(good) - 30:,}: it is cut"),
+        "old.glb": (good[:4] + struct.pack("<I", 1) + good[8:], "GLB of version 1"),
+        "text.glb": (good[:20] + b"%" + good[21:], "no JSON at byte 0"), "other.gltf": (b'{"scans": []}', 'has no "asset"'),
+        "one.gltf": (b'{"asset": {"version": "1.0"}}', "version '1.0'"),
+        "cut.stl": (bytes(80) + struct.pack("<I", 1000) + bytes(70), "154 bytes do not hold the 1,000 triangles"),
+        "lost.glb": (glb({"asset": {"version": "2.0"}, "scenes": [{"nodes": [7]}], "scene": 0}), "points at something"),
+    }  # fmt: skip
+    for name, (data, words) in cases.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError) as told:
+            read_mesh(tmp_path / name)
+        assert words in str(told.value) and str(told.value).startswith(f"{tmp_path / name}: "), name
+
+
 def test_a_ply_with_faces_is_a_mesh_beside_a_scan_and_the_scan_where_it_is_alone(tmp_path):
     trimesh.creation.box().export(tmp_path / "b.ply")
     trimesh.PointCloud(np.eye(3)).export(tmp_path / "p.ply")

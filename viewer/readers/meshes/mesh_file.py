@@ -18,6 +18,7 @@ from ...common.errors import InputError
 from ..formats import check_file
 from ..own_folder import own_path
 from .ifc_file import read_ifc
+from .mesh_damage import AGAIN, check_head, words_of
 from .mesh_data import MeshData, Textures, mesh_data
 from .mesh_formats import MESH_FORMATS
 from .mesh_textures import Picture, packed_textures, picture_of
@@ -71,6 +72,7 @@ def read_mesh(path: Path) -> MeshData:
         digest = hashlib.sha256(data)
         if suffix == ".ifc":
             return read_ifc(path, digest.hexdigest(), MOST_TRIANGLES)
+        check_head(path, data)
         return _read(path, suffix, data, digest)
     except InputError:
         raise
@@ -79,8 +81,8 @@ def read_mesh(path: Path) -> MeshData:
     except MemoryError:
         raise InputError("there is not enough memory for its triangles", file=path) from None
     except Exception as error:  # whatever a stranger's file makes trimesh and NumPy raise
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"cannot be read as a mesh ({text})", file=path, remedy="export it again") from None
+        _log.info("%s: %s: %s", path, type(error).__name__, " ".join(str(error).split())[:300])
+        raise InputError(f"cannot be read as a mesh ({words_of(error)})", file=path, remedy=AGAIN) from None
 
 
 def _read(path: Path, suffix: str, data: bytes, digest: Any) -> MeshData:
