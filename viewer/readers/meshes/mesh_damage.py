@@ -19,7 +19,7 @@ def check_head(path: Path, data: bytes) -> None:
         _check_glb(path, data)
     elif suffix == ".gltf":
         _check_json(path, data)
-    elif suffix == ".stl" and not data.lstrip()[:5].lower() == b"solid":
+    elif suffix == ".stl" and data.lstrip()[:5].lower() != b"solid":
         count = struct.unpack_from("<I", data, 80)[0] if len(data) >= _HEAD else None
         if count is None or len(data) < _HEAD + _TRIANGLE * count:
             wanted = "its head of 84 bytes" if count is None else f"the {count:,} triangles that it states"
