@@ -39,6 +39,8 @@ def begin_docked(name: str, rect: Rect, style: Theme, *, padding: tuple[float, f
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
     imgui.set_next_window_bg_alpha(1.0)
     flags = DOCKED & ~imgui.WindowFlags_.no_scrollbar if scroll else DOCKED
+    if imgui.get_io().want_text_input:  # Tab leads to the next field
+        flags &= ~imgui.WindowFlags_.no_nav_inputs
     imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
     imgui.pop_style_var(3)
 

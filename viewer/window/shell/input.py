@@ -18,6 +18,7 @@ from .after_typing import AfterTyping
 from .keyboard import Keyboard
 from .list_keys import list_is_open
 from .text_ahead import TextAhead
+from .text_chords import TextChords
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme
@@ -58,6 +59,7 @@ class Input:
         self.pointer = (0.0, 0.0)
         self.after_typing = AfterTyping(host.imgui)
         self.text_ahead = TextAhead(host.imgui, self.after_typing)
+        self._text_chords = TextChords(host.imgui)
         glfw = host.glfw
         self.keyboard = Keyboard(glfw)
         self._buttons: dict[int, Literal["left", "right", "middle"]] = {
@@ -97,8 +99,11 @@ class Input:
         self._modifiers = self.keyboard.modifiers(mods, key, action)
         give = partial(self._give_key, key, scancode, action, mods)
         chord = bool(mods & glfw.MOD_CONTROL)
-        if chord or not self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
-                                                  host.toolbox.text_coming, give):
+        if not chord and self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
+                                                   host.toolbox.text_coming, give):
+            return
+        letter = self.keyboard.chord(key, scancode, action, mods)[0] if chord and action == glfw.PRESS else ""
+        if not self._text_chords.keeps(letter, self._modifiers.control, give):
             give()
 
     def _give_key(self, key: int, scancode: int, action: int, mods: int) -> None:
@@ -147,12 +152,17 @@ class Input:
 
     def on_char(self, _window, character: int) -> None:
         give = partial(self._host.imgui.backends.glfw_char_callback, self._host.address, character)
-        if not self.text_ahead.keeps_character(self._host.toolbox.text_coming, give):
+        if self.text_ahead.keeps_character(self._host.toolbox.text_coming, give):
+            return
+        if not self._text_chords.keeps("", self._modifiers.control, give):
             give()
 
     def follow(self, *, drawn: bool) -> None:
         """Called in every turn of the loop.  drawn: as of AfterTyping."""
         self.text_ahead.follow(self._host.toolbox.text_coming)
+        self._text_chords.follow(drawn=drawn)
+        if self._text_chords:
+            self._host.wake()
         self.after_typing.follow(drawn=drawn)
 
     # -- pointer -----------------------------------------------------------------------------------------------------
