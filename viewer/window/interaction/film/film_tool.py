@@ -240,7 +240,8 @@ class Film(Tool):
             if ui.button("Save a still from here"):
                 context.saves.panorama(self.panorama_size)
         else:
-            self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in SIZES], SIZES, self.size)
+            sizes = tuple(dict.fromkeys((*SIZES, self.size)))  # one that was typed is listed as well
+            self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in sizes], sizes, self.size)
             ui.set_next_item_width(-1)
             changed, sides = ui.input_int2("##sides", list(self.size))
             if changed:
