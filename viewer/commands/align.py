@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import InputError
-from ..common.rigid_transform import IDENTITY, Rows, motion_text
+from ..common.rigid_transform import IDENTITY, Rows, motion_text, moved_points
 from ..work.document import Document, ScanFile
 from ..work.project import SUFFIX, is_project, write_project
 from ..work.registration.align_surfaces import Alignment, align_surfaces
@@ -26,9 +26,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """transform: of the moving scan.  pairs, surfaces: what was found by each, None where it was not asked for."""
+    """transform: of the moving scan.  middle: (3,) of what was compared of it, at its place.  pairs, surfaces: what was found
+    by each, None where it was not asked for."""
 
     transform: Rows
+    middle: np.ndarray
     pairs: PairFit | None
     surfaces: Alignment | None
 
@@ -57,15 +59,17 @@ def aligned(moving: "Source", fixed: "Source", pairs: tuple[np.ndarray, np.ndarr
     by_pairs = None if pairs is None else fit_pairs(*pairs)
     start = IDENTITY if by_pairs is None else by_pairs.transform
     if not surfaces:
-        return Found(start, by_pairs, None)
-    found = align_surfaces(spread_points(moving), spread_points(fixed), start)
-    return Found(found.transform, by_pairs, found)
+        return Found(start, np.zeros(3) if pairs is None else pairs[1].mean(axis=0), by_pairs, None)
+    points = spread_points(moving)
+    found = align_surfaces(points, spread_points(fixed), start)
+    return Found(found.transform, moved_points(found.transform, points).mean(axis=0), by_pairs, found)
 
 
 def report(found: Found, moving: "Source", fixed: "Source") -> str:
     """What was found, as lines for a terminal."""
     unit = unit_text(moving)
-    rows = [("moved", f"{moving.path.name} to its place beside {fixed.path.name}: {motion_text(found.transform)}")]
+    motion = motion_text(found.transform, found.middle)
+    rows = [("moved", f"{moving.path.name} to its place beside {fixed.path.name}: {motion}")]
     rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
              for number, row in enumerate(found.transform)]
     if (pairs := found.pairs) is not None:

@@ -55,7 +55,8 @@ def align_model(path: Path, fixed: "Source", pairs: tuple[np.ndarray, np.ndarray
         layer = replace(layer, transform=combined(made.transform, layer.transform))
         lines = mesh_words(made, unit.strip()).splitlines()
         rows += [("surfaces" if number == 0 else "", line) for number, line in enumerate(lines)]
-    rows = [("moved", f"{path.name} to its place beside {fixed.path.name}: {motion_text(layer.transform)}"), *rows]
+    motion = motion_text(layer.transform, placed_vertices(layer, mesh).mean(axis=0))
+    rows = [("moved", f"{path.name} to its place beside {fixed.path.name}: {motion}"), *rows]
     rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
              for number, row in enumerate(layer.matrix.tolist())]
     print("\n".join(f"{name:<8} {text}" for name, text in rows))

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...model.appearance.noise import NoiseModel
 from ...model.common.printable import printable
 from ...model.common.scanner_positions import stations_differ
@@ -86,10 +88,10 @@ def facts(scene: Scene, full: bool = False) -> dict:
     return out
 
 
-def _moves(meta: ScanDescription) -> list[str]:
+def _moves(meta: ScanDescription, middle: np.ndarray) -> list[str]:
     """What the project moves, a line for each file."""
     moves = () if meta.records is None else meta.records.moves
-    return [f"{Path(source).name}: {motion_text(rows)}, by the project" for source, rows in zip(meta.sources, moves)
+    return [f"{Path(source).name}: {motion_text(rows, middle)}, by the project" for source, rows in zip(meta.sources, moves)
             if rows is not None]
 
 
@@ -129,7 +131,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
     if full:
         rows.append(("grid", f"{len(scene.cell_coords):,} cells of {scene.cell_size:g}, {scene.layers} layers"))
         rows.append(("packed", f"{scene.count * 12 / 1e6:,.1f} MB, positions {scene.step:.2g} apart"))
-    rows += [("moved", text) for text in _moves(meta)]
+    rows += [("moved", text) for text in _moves(meta, scene.bounds.mean(axis=0))]
     rows += [("warning", text) for text in meta.warning_texts]
     return "\n".join(f"{name:<8} {printable(value)}" for name, value in rows)  # a name in a file may hold tabs and newlines
 

@@ -84,10 +84,15 @@ def turn_in_degrees(rows: Rows) -> float:
     return math.degrees(math.atan2(float(np.linalg.norm(axis)), float(np.trace(rotation)) - 1.0))
 
 
-def motion_text(rows: Rows) -> str:
-    """A transformation in words: "turned 12.3456 degrees, shifted by 1.000, 2.000, 3.000"."""
-    shift = ", ".join(f"{row[3]:.3f}" for row in rows[:3])
-    return f"turned {turn_in_degrees(rows):.4f} degrees, shifted by {shift}"
+def motion_text(rows: Rows, middle: np.ndarray) -> str:
+    """A transformation in words: "turned 12.3456 degrees, shifted by 1.000, 2.000, 3.000 at the middle".
+
+    middle: (3,) of the scene, where the transformation leads to.  The shift of the origin, which is in the matrix, is
+    kilometres for a small turn at map coordinates.
+    """
+    place = np.asarray(middle, np.float64)[None]
+    shift = ", ".join(f"{value:.3f}" for value in (place - moved_points(inverse(rows), place))[0])
+    return f"turned {turn_in_degrees(rows):.4f} degrees, shifted by {shift} at the middle"
 
 
 def rotation_about(axis: np.ndarray, degrees: float) -> np.ndarray:

@@ -162,8 +162,13 @@ def test_a_project_keeps_transformations_and_info_shows_the_moved_bounds(tmp_pat
                                atol=1e-3)
     assert facts["moves"] == [[list(row) for row in transform]]
     assert main(["info", str(project)]) == 0
-    line = "moved    a.las: turned 90.0000 degrees, shifted by 100.000, 200.000, 5.000, by the project"
-    assert line in capsys.readouterr().out
+    middle = np.mean([expected.min(axis=0), expected.max(axis=0)], axis=0)  # the shift is that of the scene's middle
+    before = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) @ (middle - [100.0, 200.0, 5.0])
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("moved")]
+    assert line.startswith("moved    a.las: turned 90.0000 degrees, shifted by ")
+    assert line.endswith(" at the middle, by the project")
+    stated = [float(value) for value in line.split(" by ", 1)[1].split(" at the middle")[0].split(", ")]
+    np.testing.assert_allclose(stated, middle - before, atol=2e-3)
 
 
 def test_a_project_without_moved_scans_is_written_as_before_and_a_crooked_matrix_is_refused(tmp_path):

@@ -105,9 +105,9 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
 
 def _motion(session: Session, number: int) -> str:
     """A line about how the file of this number was moved, "" where it was not."""
-    records = session.facts.records
+    records, scene = session.facts.records, session.scene
     rows = None if records is None else records.move_of(number)
-    return f"Moved: {motion_text(rows)}\n" if rows is not None else ""
+    return f"Moved: {motion_text(rows, scene.bounds.mean(axis=0))}\n" if rows is not None and scene is not None else ""
 
 
 def _files(session: Session, actions: Actions, style: Theme, parts: list[FilePart]) -> None:

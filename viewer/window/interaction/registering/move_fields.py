@@ -42,7 +42,8 @@ def moved_rows(ui: Any, tool: Moving, transform: Rows, context: ToolContext) -> 
     """How it was moved, with a button that takes it back; nothing where it was not.  Returns whether there are rows."""
     if transform == IDENTITY:
         return False
-    ui.text_wrapped(f"Moved: {motion_text(transform)}")
+    middle = np.zeros(3) if context.scene is None else context.scene.bounds.mean(axis=0)
+    ui.text_wrapped(f"Moved: {motion_text(transform, middle)}")
     if ui.button("Put back"):
         tool.put_back(context)
     if ui.is_item_hovered():
