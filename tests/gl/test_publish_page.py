@@ -175,11 +175,13 @@ def test_a_page_from_a_server_is_used_by_mouse_touch_keys_links_and_sensor(tmp_p
             page.until(f"{view}.tint === 1 && {view}.place.textures.measured.length === 6")
 
             page.key("p"), page.key("p")  # the plan is there again
-            page.value("document.querySelector('#plan [data-place=\"1\"]').click()")
             # on the way both places are meshes by depth, the one that is left over the other: no fade of flat pictures
-            page.until("[window.pointglass.panorama.here, window.pointglass.panorama.over]"
-                       ".every(({ meshes }) => meshes.length === 6 && meshes[0].geometry.index.count > 1000)")
+            page.value("(() => { const { panorama } = window.pointglass, draw = panorama.draw.bind(panorama); window.way = [];"
+                       "panorama.draw = (...all) => { draw(...all); window.way.push([panorama.here, panorama.over]"
+                       ".every(({ meshes }) => meshes.length === 6 && meshes[0].geometry.index.count > 1000)); }; })()")
+            page.value("document.querySelector('#plan [data-place=\"1\"]').click()")
             page.until(f"{view}.index === 1 && !{view}.going")
+            assert page.value("window.way.some((each) => each)")
 
             page.value("document.getElementById('phone').click()")
             yaws = []

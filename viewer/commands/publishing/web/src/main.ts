@@ -104,7 +104,7 @@ function later(view: View, measuring: Measuring): void {
     if (view.second >= 0) await view.visits.other(place);
     await view.visits.prepare(place.index);
     await view.stillness(WAITED);
-    view.panorama.warm();
+    view.warm();
     if (view.place === place) await view.visits.full(place);
     for (const { index } of nearest.slice(0, PRELOADED)) {
       await view.stillness(WAITED);

@@ -325,10 +325,17 @@ export class Panorama {
     this.frames++;
   }
 
-  // Compiles the shaders of a hop, so that the first one does not wait for them.
-  warm(): void {
-    for (const layer of [this.over, ...this.behind]) layer.set(-1, 0, 1);
-    for (const scene of [this.overScene, ...this.behindScenes]) this.renderer.compile(scene, this.camera);
+  // Draws a hop from a place to itself, both ways and a few pixels wide, so that the first one does not wait for its shaders:
+  // drivers, and software most of all, finish them when they are first used.  The place must be drawn again after it.
+  warm(textures: PlaceTextures, depth: DepthMap, position: Vector): void {
+    const whole = this.renderer.getViewport(new Vector4());
+    this.renderer.setViewport(0, 0, 8, 8);
+    this.begin(textures, depth, position, textures, depth, position);
+    this.draw(-1, 0, 0.5);
+    this.beginFade(textures, textures);
+    this.draw(-1, 0, 0.5);
+    this.renderer.setViewport(whole);
+    this.stand(textures, position);
   }
 
   // Gives textures to the GPU one a picture, so that no picture waits for all of them.  ready: is awaited before each.

@@ -46,6 +46,7 @@ export class View {
       if (place === this.place && !this.hop) this.panorama.stand(place.textures, this.position(place.index));
       this.redraw();
     }, (textures) => panorama.upload(textures, () => this.stillness(UPLOAD)));
+    if (/swiftshader|llvmpipe|softpipe|basic render/i.test(panorama.software)) this.coarse = COARSEST; // learnt before it is seen
     new ResizeObserver(() => this.resize()).observe(panorama.canvas.parentElement!);
     this.resize();
   }
@@ -151,6 +152,7 @@ export class View {
     else this.panorama.beginFade(from.textures, to.textures);
     const around = look && Math.atan2(Math.sin(look.yaw - this.yaw), Math.cos(look.yaw - this.yaw));
     this.hop = { start: performance.now(), from: start, to: end, walked, turn: look && [around!, look.pitch - this.pitch], turned: 0 };
+    if (this.sharp && this.coarse < 1) (this.sharp = false), this.resize(); // its first picture is the dearest of all
     this.redraw();
     return new Promise((resolve) => (this.done = resolve));
   }
@@ -187,6 +189,16 @@ export class View {
     const canvas = this.panorama.canvas;
     this.panorama.draw(this.second < 0 ? -1 : this.second * canvas.width, this.tint, opacity);
     for (const tell of this.drawn) tell();
+  }
+
+  private warmed = false;
+
+  // Prepares the first hop, once.
+  warm(): void {
+    if (this.warmed || this.going) return;
+    this.warmed = true;
+    this.panorama.warm(this.place.textures, this.place.depth, this.position(this.index));
+    this.redraw();
   }
 
   // Resolves once nothing moves, or after so many milliseconds.
