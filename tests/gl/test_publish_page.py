@@ -116,9 +116,9 @@ def test_a_device_that_is_slow_draws_fewer_pixels_while_something_moves_and_all_
     try:
         page.open((site / "index.html").as_uri())
         page.until("document.body && document.body.classList.contains('ready')")
-        width = page.until("window.pointglass.panorama.canvas.width")
+        width = page.until("window.pointglass.panorama.canvas.width === innerWidth && innerWidth")
         page.value("(() => { const kind = WebGL2RenderingContext.prototype, draw = kind.drawElements;"
-                   "kind.drawElements = function (...all) { const end = performance.now() + 300;"
+                   "kind.drawElements = function (...all) { const end = performance.now() + 60;"
                    "while (performance.now() < end); return draw.apply(this, all); }; })()")
         page.value("window.pointglass.view.speed = [0.1, 0]; window.pointglass.view.redraw()")
         page.until(f"window.pointglass.panorama.canvas.width < {0.8 * width}")
