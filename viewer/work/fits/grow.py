@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from ...common.errors import PointglassError
 from .connected import connected
+from .halves import with_halves
 from .least_squares import Fitted, fitted, nearest
 from .local import noise_of, normals_of, spacing_of
 from .measured import InBox, Points
@@ -208,7 +209,10 @@ def _facing(in_box: InBox, surface: Surface, points: Points, cell: float, half: 
         raise NoFit(f"{len(points)} points lie on it, {FEWEST} are needed")
     if isinstance(surface, Plane):
         surface = surface.at(points.xyz.mean(axis=0))
-    return Grown(fitted(surface, points.xyz, 0.25 * around.noise, sigma), points, around.noise, around.spacing)
+    fit = fitted(surface, points.xyz, 0.25 * around.noise, sigma)
+    if isinstance(fit.surface, Plane):
+        fit = with_halves(fit, points.xyz, 0.25 * around.noise)
+    return Grown(fit, points, around.noise, around.spacing)
 
 
 def _window(in_box: InBox, surface: Surface, half: float, tolerance: float):
