@@ -98,6 +98,25 @@ def test_typing_searches_completes_and_enters_folders(folder):
     assert choice.result == [folder / "deeper" / "inside.laz"]
 
 
+@pytest.mark.parametrize(("typed", "chosen"),
+                         [("9.l", "scan 9.laz"), ("scan 2", "Scan 2.E57"), ("deeper/in", "deeper/inside.laz")])
+def test_enter_chooses_the_only_file_that_a_search_has_left(folder, typed, chosen):
+    choice = made(folder)
+    choice.type(typed)
+    choice.listing.join(10.0)
+    choice.enter()
+    wait(choice)
+    assert choice.result == [folder / chosen] and choice.problem == ""
+
+
+def test_enter_chooses_none_of_several_that_a_search_has_left(folder):
+    choice = made(folder)
+    choice.type("sc")
+    choice.enter()
+    wait(choice)
+    assert choice.result is None and choice.problem.endswith("sc: it does not exist")
+
+
 def test_a_pasted_path_is_understood(folder):
     there = folder / "scan 9.laz"
     for text in (str(there), f"'{there}'", f' "{there}" ', there.as_uri(), str(folder / "deeper" / ".." / "scan 9.laz")):

@@ -237,6 +237,9 @@ class FileChoice:
                 self.problem = "Type a name first." if self.saving else "Select a file first."
             return
         else:
+            named = self.saving or not self.filter or any(entry.name == self.filter for entry in self.listing.entries)
+            if not named and len(self.rows) == 1:  # the only one that the search has left
+                self.text = self._within(self.rows[0].name)
             paths = [self._path(self.text)]
         ends_as_folder = pasted(self.text).endswith((os.sep, "/"))
         if self.saving and not ends_as_folder:
