@@ -170,7 +170,7 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "render": ("render pictures of a list of cameras", _render_options),
     "video": ("film a camera path as a video, a sequence of pictures or a panorama", _video_options),
     "export": ("write the measured points, or those in boxes, as LAZ, LAS, PLY or E57; or Gaussian splats", _export_options),
-    "section": ("draw a plan, an elevation or a section to scale, as PNG or PDF", _section_options),
+    "section": ("draw a plan, an elevation or a section to scale, as PNG, PDF or DXF", _section_options),
     "report": ("write viewpoints, notes and measurements of a project as PDF, its notes as BCF or CSV", _report_options),
     "publish": ("write a folder that any browser shows: panoramas to walk through and to measure on", _publish_options),
     "align": ("move a scan to its place beside another, by pairs of points and by surfaces (ICP)", _align_options),
