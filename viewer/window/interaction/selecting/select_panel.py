@@ -28,7 +28,7 @@ class SelectPanel:
         if tool.job.worker is not None:
             ui.text_wrapped(f"{tool.job.worker.title}…")
         elif selection:
-            ui.text_wrapped(f"{thousands(selection.count)} points selected")
+            ui.text_wrapped(f"{thousands(selection.count)} point{'' if selection.count == 1 else 's'} selected")
             if tool.facts is not None and tool.facts.bounds is not None:
                 x, y, z = np.ptp(tool.facts.bounds, axis=0)
                 ui.text_wrapped(f"{x:.4g} × {y:.4g} × {z:.4g} {unit_of(context)}")
