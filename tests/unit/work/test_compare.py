@@ -10,6 +10,7 @@ from pointglass.viewer.work.comparing.cloud_scale import CloudScale, scale_of, s
 from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare
 from pointglass.viewer.work.comparing.facing import facing_of
 from pointglass.viewer.work.comparing.m3c2_kernels import m3c2_at, quantile95
+from pointglass.viewer.work.comparing.model_distances import METHOD
 from pointglass.viewer.work.comparing.plain_distances import m3c2_distances, surface_distances
 from pointglass.viewer.work.comparing.point_cells import cells_of
 from pointglass.viewer.work.comparing.surface_kernels import distances_from_surface
@@ -233,4 +234,4 @@ def test_m3c2_equals_py4dgeo(seed):
 
 
 def test_projects_know_the_methods_that_there_are():
-    assert tuple(METHODS) == COMPARE_METHODS
+    assert (*METHODS, METHOD) == COMPARE_METHODS

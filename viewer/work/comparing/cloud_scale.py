@@ -59,7 +59,7 @@ class Sizes:
 
 def scale_of(xyz: np.ndarray) -> CloudScale:
     """Spacing and noise of (n, 3) float64 points, none below 0."""
-    side = float(xyz.max(axis=0).max()) / 128
+    side = float(xyz.max()) / 128
     if not side > 0:
         return CloudScale(0.0, 0.0)
     cells = cells_of(xyz, side)

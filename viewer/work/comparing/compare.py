@@ -18,7 +18,7 @@ from ...common.errors import InputError
 from ...common.progress import progress
 from .cloud_scale import CloudScale, Sizes, scale_of, sizes_for
 from .facing import Facing
-from .point_cells import Cells, cells_of
+from .point_cells import Cells, box_of, cells_of
 
 METHODS = {"m3c2": "means of both scans in a cylinder along the local normal",
            "c2c": "each point to the local plane of the other scan"}  # fmt: skip
@@ -64,22 +64,25 @@ def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: st
     for name, cloud in (("before", before), ("after", after)):
         if len(cloud) < _FEWEST:
             raise InputError(f"the scan {name} has {len(cloud):,} points, at least {_FEWEST} are compared")
-    low = np.minimum(before.min(axis=0), after.min(axis=0))
-    clouds = [before - low, after - low]
-    if (before.max(axis=0) < after.min(axis=0)).any() or (after.max(axis=0) < before.min(axis=0)).any():
+    (least, most), (other_least, other_most) = box_of(before), box_of(after)
+    low = np.minimum(least, other_least)
+    if (most < other_least).any() or (other_most < least).any():
         raise InputError("the two scans do not overlap", remedy="check that both have the same coordinate system")
     with progress(4, "sorting points") as meter:
         scales = []
-        for cloud in clouds:
-            scales.append(scale_of(cloud - cloud.min(axis=0)))
+        for cloud, own in ((before, least), (after, other_least)):
+            moved = cloud - low
+            moved -= own - low
+            scales.append(scale_of(moved))
+            del moved
             meter.update(1)
         if not min(scale.spacing for scale in scales) > 0:
             raise InputError("a scan has all its points in one place")
         sizes = sizes_for(*scales) if sizes is None else sizes
         side = sizes.diameter / 2 if method == "m3c2" else sizes.radius
         cells = []
-        for cloud in clouds:
-            cells.append(cells_of(cloud, side))
+        for cloud in (before, after):
+            cells.append(cells_of(cloud - low, side))
             meter.update(1)
     found = (_m3c2 if method == "m3c2" else _c2c)(cells[0], cells[1], sizes, scales, low, facing, station)
     distance, uncertainty, cores = found
