@@ -55,13 +55,14 @@ def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
 
 
 @compiled(nogil=True)
-def residuals(xyz, value, starts, near, far):
+def residuals(xyz, value, starts, near, far, reach):
     """Residuals of points' values from the plane fitted to their neighbours' values, scaled to the variance of one point.
 
     xyz: (n, 3) float32, near the origin.  value: (n,) float32.  starts: (S + 1,) int64, start of each segment (the points of
     one group in one neighbourhood).  Neighbours are the nearest points of the same segment, whose points ascend in x, so that
     the search ends early.  Writes near and far (n,) float32 for one point in STRIDE, from NEAR and FAR neighbours (fewer in
-    smaller segments, which must have at least three points).
+    smaller segments, which must have at least three points), and reach (n,) float32, the squared spacing of the points around
+    it, by the area that its neighbours take.
     """
     index, square = np.empty(FAR, np.int64), np.empty(FAR, np.float32)
     for s in range(len(starts) - 1):
@@ -95,6 +96,43 @@ def residuals(xyz, value, starts, near, far):
                     worst = square[FAR - 1]
             near[i] = _residual(xyz, value, i, index, square, min(NEAR, found))
             far[i] = _residual(xyz, value, i, index, square, found)
+            reach[i] = np.float32(np.pi) * square[found - 1] / np.float32(found)
+
+
+@compiled(nogil=True)
+def nearest_of_others(xyz, value, starts, begins, ends, distance, difference):
+    """The nearest point of another segment of the same box.
+
+    xyz, value, starts: as in :func:`residuals`, with one origin for the segments of a box.  begins, ends: (S,) int64, the
+    segments of the box that each segment is in.  Writes, for one point in STRIDE, distance (n,) float32, squared, and
+    difference (n,) float32, the point's value minus the other's; leaves them where there is no other segment.
+    """
+    for s in range(len(starts) - 1):
+        for i in range(starts[s], starts[s + 1], STRIDE):
+            x, y, z, best, at = xyz[i, 0], xyz[i, 1], xyz[i, 2], np.float32(np.inf), np.int64(-1)
+            for other in range(begins[s], ends[s]):
+                if other == s:
+                    continue
+                low, high = starts[other], starts[other + 1]
+                after = low + np.searchsorted(xyz[low:high, 0], x)
+                before = after - 1
+                while True:  # outwards on both sides, the nearer in x first
+                    below = x - xyz[before, 0] if before >= low else np.float32(np.inf)
+                    above = xyz[after, 0] - x if after < high else np.float32(np.inf)
+                    if below <= above:
+                        dx, j = below, before
+                        before -= 1
+                    else:
+                        dx, j = above, after
+                        after += 1
+                    if not dx * dx < best or dx == np.inf:
+                        break
+                    dy, dz = xyz[j, 1] - y, xyz[j, 2] - z
+                    d = dx * dx + dy * dy + dz * dz
+                    if d < best:
+                        best, at = d, j
+            if at >= 0:
+                distance[i], difference[i] = best, value[i] - value[at]
 
 
 @compiled(nogil=True)

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from ..network.weights_folder import weights_path
+
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 """Value of ``--exposures`` -> exposures that are evaluated."""
 
@@ -16,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", nargs="+", type=Path, metavar="FOLDER|SCAN",
                         help="scene folders (scene.json, stations, views), each evaluated separately, the worst first; or "
                              "one scan, as for the viewer, evaluated at a tenth of its points, withheld from the pictures")
-    parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F",
-                        help="weights files (default: all shipped; for a scan: balanced)")
+    parser.add_argument("--weights", nargs="*", type=weights_path, default=[], metavar="F",
+                        help="weights files or names of shipped ones (default: all shipped; for a scan: balanced)")
     parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D",
                         help="shares of the points (default 1 0.1)")
     parser.add_argument("--views", type=int, metavar="N", help="number of views, evenly spaced (default: all; for a scan: 8)")

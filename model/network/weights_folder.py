@@ -24,6 +24,11 @@ def weights_file(quality: str, *, filtered: bool) -> Path:
     return weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
 
 
+def weights_path(text: str) -> Path:
+    """The file that a person named: a shipped one by its name, such as balanced-filtered, else a path."""
+    return weights_dir() / f"{text}.safetensors" if text in shipped() and not Path(text).exists() else Path(text)
+
+
 def shipped() -> list[str]:
     """Names of the shipped weights."""
     return sorted(p.stem for p in weights_dir().glob("*.safetensors"))

@@ -41,7 +41,7 @@ from .scratch_folder import move, reserve, scratch
 # Versions of: the decision on colours, the order of points and the measure of their spacing, the estimate of noise, the packing
 # of attributes, the running numbers of points.  They are part of the cache key: a change rebuilds cached grids.  Folders made
 # by convert stay as they are.
-COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS = 3, 5, 1, 2, 1
+COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS = 3, 5, 2, 2, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4"),
            "records": np.dtype("<u4"), "records_high": np.dtype("u1"), "record_sums": np.dtype("<u4")}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pointglass.model.appearance import noise as module
+from pointglass.model.appearance import noise_model
 from pointglass.model.appearance.noise import KNOTS, LUMA, MAX_VOXELS, NoiseModel, estimate_noise
 from pointglass.model.appearance.noise_kernels import FAR, NEAR, STRIDE, residuals
 from pointglass.viewer.commands.info import facts, format_text
@@ -55,8 +56,8 @@ def test_residuals_are_those_of_a_plane_through_the_neighbours():
     for a, b in itertools.pairwise(starts):
         xyz[a:b] = xyz[a:b][np.argsort(xyz[a:b, 0])]
     value = random.random(len(xyz)).astype(np.float32)
-    near, far = np.full(len(xyz), 9.0, np.float32), np.full(len(xyz), 9.0, np.float32)
-    residuals(xyz.astype(np.float32), value, starts, near, far)
+    near, far, reach = np.full((3, len(xyz)), 9.0, np.float32)
+    residuals(xyz.astype(np.float32), value, starts, near, far, reach)
     for a, b in itertools.pairwise(starts):
         for i in range(a, b):
             if (i - a) % STRIDE:
@@ -241,4 +242,4 @@ def test_smoothing_is_the_convolution_of_scipy_to_the_bit(seed):
         values = rng.normal(size=shape)
         for axis in range(3):
             expected = convolve1d(values, [0.25, 0.5, 0.25], axis=axis, mode="nearest")
-            np.testing.assert_array_equal(module._binomial(values, axis), expected)
+            np.testing.assert_array_equal(noise_model._binomial(values, axis), expected)
