@@ -1,5 +1,7 @@
 """Noise from pairs of points of two stations: texture finer than the point spacing is told from noise."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -70,11 +72,11 @@ def test_the_nearest_of_others_is_that_of_all_distances():
     sizes, begins, ends = np.array([40, 3, 25, 60, 30]), np.array([0, 0, 0, 3, 3]), np.array([3, 3, 3, 5, 5])
     starts = np.append(0, np.cumsum(sizes))
     xyz, value = random.normal(size=(starts[-1], 3)).astype(np.float32), random.random(starts[-1]).astype(np.float32)
-    for a, b in zip(starts, starts[1:], strict=False):
+    for a, b in itertools.pairwise(starts):
         xyz[a:b] = xyz[a:b][np.argsort(xyz[a:b, 0])]
     distance, difference = np.full((2, len(xyz)), 9.0, np.float32)
     nearest_of_others(xyz, value, starts, begins, ends, distance, difference)
-    for s, (a, b) in enumerate(zip(starts, starts[1:], strict=False)):
+    for s, (a, b) in enumerate(itertools.pairwise(starts)):
         others = [row for k in range(begins[s], ends[s]) if k != s for row in range(starts[k], starts[k + 1])]
         for i in range(a, b):
             if (i - a) % STRIDE:
