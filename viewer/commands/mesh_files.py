@@ -24,7 +24,7 @@ def layers_of(meshes: Sequence[Path], scene: "Scene") -> tuple[MeshLayer, ...]:
         layer = new_layer(path, scene.meta.metres_per_unit)
         mesh = mesh_of(layer.path)
         print(f"pointglass: {path}: {len(mesh.faces):,} triangles. {assumed(layer, mesh)}", file=sys.stderr)
-        layers.append(layer)
+        layers.append(replace(layer, checksum=mesh.checksum))
     return tuple(layers)
 
 

@@ -13,7 +13,7 @@ from ..picture.provenance import MODELLED, provenance
 from ..picture.views import VIEWS
 from ..readers.meshes.mesh_store import mesh_of
 from .device.shader import Programs
-from .meshes.mesh_pass import MeshPass, model_pixels
+from .meshes.mesh_pass import MeshPass, model_depth, model_pixels
 from .passes.develop import Developer, needs, read_picture
 
 if TYPE_CHECKING:
@@ -80,6 +80,19 @@ class Composer:
         if spec.shows_meshes:
             found[model_pixels(frame, view, self.meshes(frame).draw(frame, spec.edits))] = MODELLED
         return found
+
+    def surface(self, frame: "Frame", spec: "PictureSpec") -> tuple[np.ndarray, np.ndarray]:
+        """(H, W) float32, view-space depth of the filled view, 0 where nothing is, and (H, W) bool, where that was measured: a
+        mesh has depth, and is not measured.  The frame was rendered with its filled depth."""
+        assert frame.filled_depth is not None
+        width, height = frame.filled_depth.size
+        depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(height, width)
+        measured = frame.mask() & (depth > 0)
+        if not spec.shows_meshes:
+            return depth, measured
+        layers = self.meshes(frame).draw(frame, spec.edits)
+        model = model_pixels(frame, "filled", layers)
+        return np.where(model, model_depth(layers), depth), measured & ~model
 
     def texture(self, frame: "Frame", view: str, spec: "PictureSpec") -> "moderngl.Texture":
         """A view of the frame with the look, tint, lock and meshes of ``spec``: the frame's own texture where they change

@@ -13,6 +13,7 @@ from ...common.failures import tell
 from ...common.replaced_files import replaced_told
 from ...common.text import counted, whole_number
 from ...picture.edits import NO_EDITS, Edits
+from ...readers.meshes.mesh_formats import scans_and_meshes
 from ...work.cameras.pace import Pace
 from ...work.cameras.path import frame_name, interpolate, passing_shares
 from ...work.document import LONGEST_STAY, FilmTitle
@@ -180,6 +181,13 @@ def _write(scene: "Scene", maker: "FrameMaker", cameras: "Sequence[Camera]", rat
     return folder_line(out, len(cameras), made)
 
 
+def film_edits(meshes: "Sequence[Path]", scene: "Scene") -> Edits:
+    """What lies beside the scan in a film of the command line.  Raises InputError."""
+    from ..mesh_files import layers_of
+
+    return Edits(meshes=layers_of(meshes, scene)) if meshes else NO_EDITS
+
+
 def check(options: argparse.Namespace) -> None:
     """Raises InputError for options that do not fit together, before the scan is read."""
     if options.out.suffix.lower() not in MP4 and options.out.suffix and not options.out.is_dir():
@@ -200,18 +208,21 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     path = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds, stay=options.stay, ease=options.ease)
     cameras, rate, titles = path.cameras, path.rate, titles_of(options, path)
 
+    options.scans, meshes = scans_and_meshes(options.scans)
+
     if workers is not None:
         if options.resume and options.out.suffix.lower() in MP4:
             raise InputError(f"{options.out}: frames that workers make are kept in a folder only", option="--resume",
                              remedy="give a folder to --out")
         from .distributed_film import film_by_workers
 
-        print(film_by_workers(options, settings, cameras, rate, workers, titles))
+        print(film_by_workers(options, settings, cameras, rate, workers, meshes, titles))
         return 0
     with opened_renderer(options, settings) as (scene, renderer):
+        edits = film_edits(meshes, scene)
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
             made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,
                         supersample=options.supersample, background=options.background, resume=options.resume,
-                        titles=titles)
+                        edits=edits, titles=titles)
         print(made)
     return 0

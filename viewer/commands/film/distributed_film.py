@@ -6,13 +6,16 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...common.files import out_folder
 from ...common.replaced_files import replaced_told
 from ...common.text import counted
 from ...common.workers.run_tasks import Workers, run_tasks
+from ...picture.edits import NO_EDITS, Edits
 from ...work.pictures.film_titles import NO_TITLES, FilmTitles
+from ..mesh_files import layers_of
 from ..neural_setup import check_weights
 from .encode import begin_folder, check_mp4, encode_mp4, frame_files, frames_left, write_frame
 from .film_record import MP4, describe, folder_line, ingredients
@@ -35,6 +38,7 @@ class _Frames:
     settings: "Settings"
     size: tuple[int, int]
     returned: bool
+    edits: Edits
     titles: FilmTitles
 
     @contextmanager
@@ -43,7 +47,7 @@ class _Frames:
         options = self.options
         with opened_renderer(options, self.settings) as (scene, renderer):
             maker = FrameMaker(renderer, self.settings, self.size, options.supersample, options.panorama, options.background,
-                               titles=self.titles)
+                               edits=self.edits, titles=self.titles)
 
             def write(camera: "Camera") -> None:
                 picture = maker.picture(camera)
@@ -56,7 +60,7 @@ class _Frames:
 
 
 def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: "Sequence[Camera]", rate: float,
-                    workers: Workers, titles: FilmTitles = NO_TITLES) -> str:
+                    workers: Workers, meshes: "Sequence[Path]" = (), titles: FilmTitles = NO_TITLES) -> str:
     """Makes the film; returns the line that tells a person what was made.  Raises PointglassError."""
     size = cameras[0].width, cameras[0].height
     check_form(size, options.supersample, panorama=options.panorama)
@@ -64,7 +68,8 @@ def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: 
     if video:
         check_mp4(options.out, size)
     scene = opened_scene(options, workers)  # where its grid is not in the cache yet, it is built once
-    work = _Frames(options, settings, size, video, titles)
+    edits = Edits(meshes=layers_of(meshes, scene)) if meshes else NO_EDITS
+    work = _Frames(options, settings, size, video, edits, titles)
 
     def results(asked: "Sequence[Camera]") -> "Generator[Any, None, None]":
         return run_tasks(work, asked, workers, label="filming", unit="frame", name=lambda camera: camera.name,
@@ -75,7 +80,7 @@ def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: 
             encode_mp4(options.out, pictures, size=size, fps=Fraction(rate).limit_denominator(1001))
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {options.out}"
     made_of = ingredients(scene, cameras, settings, panorama=options.panorama, supersample=options.supersample,
-                          background=options.background, titles=titles)
+                          background=options.background, edits=edits, titles=titles)
     with replaced_told(options.out / name for name in frame_files(cameras)):
         left = frames_left(options.out, cameras, made_of=made_of, resume=options.resume)
         with out_folder(options.out):

@@ -61,7 +61,7 @@ def _opened_renderer(options: argparse.Namespace) -> "Iterator[tuple[Scene, Docu
     from ..open_project import opened
 
     context = create_context()
-    scene, document = opened(options)
+    scene, document = opened(options, meshes=True)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
     try:
         yield scene, document, renderer, composer
@@ -113,7 +113,7 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
             made = publication(scene, document)
             rendered, size = made.write(renderer, composer, _warn)
     else:
-        made = publication(*opened(options, workers=workers))  # where its grid is not in the cache yet, it is built once
+        made = publication(*opened(options, meshes=True, workers=workers))  # builds a grid that is not in the cache once
         rendered, size = made.write_by(_Places(options, settings, made.places, form), workers, _warn)
     places = made.places
     kept = f", {len(places) - rendered:,} kept" if rendered < len(places) else ""

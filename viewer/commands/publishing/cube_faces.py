@@ -38,7 +38,8 @@ _SECTOR = 70.0
 @dataclass(frozen=True, eq=False)
 class PlaceFaces:
     """pictures: (6, S, S, 3) uint8 sRGB.  first: the same at the side of ``codes``.  second: another view at that side, None
-    where none was asked for.  codes: (6, D, D) uint16, by ``scale``.  measured: (6, D, D) bool, a point lies in the pixel."""
+    where none was asked for.  codes: (6, D, D) uint16, by ``scale``.  measured: (6, D, D) bool, a point lies in the pixel
+    and no mesh before it."""
 
     pictures: np.ndarray
     first: np.ndarray
@@ -72,16 +73,16 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
     for camera in small:
         one = replace(spec, camera=camera, settings=replace(spec.settings, view="filled"), views=("filled",))
         frame = render(renderer, one, more=() if second is None else (second,), filled_depth=True)
-        assert frame.filled_depth is not None
-        depths.append(np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(depth_side, depth_side))
-        masks.append(frame.mask() & (depths[-1] > 0))
+        depth, measured = composer.surface(frame, one)
+        depths.append(depth)
+        masks.append(measured)
         if second is not None:
             shown = replace(one, views=(second,))
             others.append(composite(composer.images(frame, shown)[0], spec.background))
-    depth = np.stack(depths)
-    scale = DepthScale.of(depth)
+    stacked = np.stack(depths)
+    scale = DepthScale.of(stacked)
     whole = np.stack(pictures)
-    return PlaceFaces(whole, reduced(whole, side // depth_side), np.stack(others) if others else None, scale.codes(depth),
+    return PlaceFaces(whole, reduced(whole, side // depth_side), np.stack(others) if others else None, scale.codes(stacked),
                       np.stack(masks), scale)
 
 

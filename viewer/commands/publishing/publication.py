@@ -99,6 +99,8 @@ class Publication:
         Raises InputError where the folder holds other files, another process publishes into it, or it cannot be written,
         DeviceError where a picture cannot be made."""
         check_folder(self.out)
+        if self.document.comparison is not None:
+            problem("the comparison of two dates that the project shows is not part of a publication: its pages show the scans")
         attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
         with out_folder(self.out / "places"), alone(self.out):
             finished = [self._finished(number) for number in range(len(self.places))]

@@ -117,3 +117,9 @@ def model_pixels(frame: Rendered, view: str, layers: MeshLayers) -> np.ndarray:
     opaque, clear = ((alpha >= 128) & ((nearest < z) | (shown < 128)) for alpha, nearest in (
         (layers.opaque >> np.uint32(24), layers.opaque_depth), (layers.clear >> np.uint32(24), layers.clear_depth)))
     return opaque | clear
+
+
+def model_depth(layers: MeshLayers) -> np.ndarray:
+    """(H, W) float32: depth of the nearest mesh that shows for the larger part, +inf where there is none."""
+    return np.minimum(*(np.where(alpha >> np.uint32(24) >= 128, nearest, np.float32(np.inf)) for alpha, nearest in (
+        (layers.opaque, layers.opaque_depth), (layers.clear, layers.clear_depth))))
