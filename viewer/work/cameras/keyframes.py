@@ -55,8 +55,7 @@ def titles_along(path: CameraPath, *, panorama: bool = False) -> FilmTitles:
     captions = [key.caption for key in path.keyframes]
     if path.title is None and not any(captions):
         return NO_TITLES
-    seconds = path_seconds(path)
-    length = seconds if seconds > 0 else 1 / path.fps
+    length = max(1, round(path_seconds(path) * path.fps)) / path.fps  # of whole frames, as `video` has it
     return FilmTitles(timed_titles(path.title, captions, passing_seconds(path), length), path.fps, panorama)
 
 
