@@ -1,5 +1,6 @@
 """The Align tool without a window: clicks make pairs, each step moves the scan in the document, and the scene follows it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +11,9 @@ from cloud_files import write_ply
 from swept_room import PLACES, ROOM, sweep
 from window_session import until_idle
 
-from pointglass.viewer.common.rigid_transform import Rows, inverse, moved_points, rigid, rotation_about
+from pointglass.viewer.common.rigid_transform import IDENTITY, Rows, inverse, moved_points, rigid, rotation_about
 from pointglass.viewer.grid.records.file_records import FileRecords
+from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.window.interaction.meshes.mesh_tool import Meshes
@@ -19,10 +21,14 @@ from pointglass.viewer.window.interaction.registering.align_tool import Align
 from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, ToolContext
 from pointglass.viewer.window.session.session import Session
 from pointglass.viewer.work.document import ScanFile
+from pointglass.viewer.work.fits.fit import Fit
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.meshes.pick_mesh import ON_MODEL
+from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.places.pick import Picked
 from pointglass.viewer.work.project import moves_of, read_project
 from pointglass.viewer.work.registration.moved_files import transforms_of, with_transform
+from pointglass.viewer.work.viewpoint import Viewpoint
 
 CORNERS = np.array([[2.9, 2.4, 1.3], [-2.9, 2.4, -1.3], [2.9, -2.4, 0.0], [-2.9, -2.4, 1.3]])
 
@@ -246,3 +252,45 @@ def test_a_model_is_moved_by_pairs_and_by_the_points_on_its_triangles_undone_and
     context.session.work.undo()
     window.turn()
     assert tool.moving == 0 and tool.names(context) == ["fixed.ply"]
+
+
+def test_a_line_gets_the_bearing_that_is_typed_and_what_was_picked_on_the_scan_follows_it(window):
+    session, tool, context = window.session, window.tool, window.context
+    own, other = (session.scene.meta.scans[number].name for number in (1, 0))
+    assert own != other
+    ends = moved_points(inverse(window.truth), CORNERS[:2])
+    fit = Fit("plane", tuple(ends[0].tolist()), (0.0, 0.0, 1.0), 0.0, -1.0, 1.0, 0.0, 0.001, 99, 0.0, 0.1)
+    points = tuple(MeasuredPoint(tuple(place.tolist()), scan=scan) for place, scan in zip(ends, (own, other), strict=True))
+    view = Viewpoint.of(from_fov(16, 9, 60.0, look_at(ends[0] + (2.0, 0.0, 0.3), ends[0])), "")
+    work = {"measurements": (Measurement("distance", points), Measurement("plane", (replace(points[0], fit=fit),))),
+            "annotations": (Annotation("on it", points[0].position, view=view, scan=own), Annotation("?", points[1].position))}
+    session.work.edit("work", **work)
+    tool.line.toggle()
+    assert tool.hint(context).startswith("Click the beginning")
+    window.click(ends[0], 0)
+    assert not tool.line.places, "a click on the other scan is no end"
+    window.click(ends[0], 1)
+    window.click(ends[1], 1)
+    assert tool.line.complete and not tool.line.asks and not tool.pairs.count
+    x, y, _ = ends[1] - ends[0]
+    assert abs((tool.line.bearing - np.degrees(np.arctan2(x, y)) + 180) % 360 - 180) < 1e-9
+    tool.line.bearing = 37.5
+    tool.turn_to_bearing(context)
+    window.turn()
+    document = session.document
+    x, y, z = np.subtract(*moved_points(window.transform, ends)[::-1])
+    assert abs(np.degrees(np.arctan2(x, y)) - 37.5) < 1e-9 and abs(z - (ends[1] - ends[0])[2]) < 1e-12, "level stays level"
+    there = moved_points(window.transform, ends[:1])[0]
+    distance, plane = document.measurements
+    assert np.allclose(distance.points[0].position, there, atol=1e-9) and distance.points[1] == points[1]
+    assert np.allclose(plane.points[0].fit.place, there, atol=1e-9)
+    on_it, unknown = document.annotations
+    assert np.allclose(on_it.position, there, atol=1e-9) and unknown == work["annotations"][1]
+    pixel, depth = on_it.view.camera(16, 9).project(there[None])
+    assert np.allclose(pixel, (8.0, 4.5), atol=1e-6) and abs(depth[0] - np.hypot(2.0, 0.3)) < 1e-6
+    said = [toast.text for toast in session.notices.toasts]
+    assert any("notes 3 moved with the scan; 1 stay" in text for text in said), said
+    session.work.undo()
+    window.turn()
+    assert session.document.measurements == work["measurements"] and session.document.annotations == work["annotations"]
+    assert window.transform is None or window.transform == IDENTITY

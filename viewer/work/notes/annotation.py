@@ -49,6 +49,7 @@ class Annotation:
 
     status: a key of STATUSES.  link: an http or https address, or "".  picture: path of a JPEG or PNG file, or "".
     view: from where it was written.  made: when, in UTC (ISO 8601); "" in projects from before notes had a time.
+    scan: the scan that it is on, which it follows where that is moved; "" where that is not known.
     Raises InputError where the status is unknown.
     """
 
@@ -59,6 +60,7 @@ class Annotation:
     picture: str = field(default="", metadata=UNLESS_DEFAULT)
     view: Viewpoint | None = field(default=None, metadata=UNLESS_DEFAULT)
     made: str = field(default="", metadata=UNLESS_DEFAULT)
+    scan: str = field(default="", metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:
@@ -86,7 +88,7 @@ class Annotation:
         """The note with texts that can be drawn.  The path of its picture stays as it is."""
         view = self.view and replace(self.view, name=with_whole_characters(self.view.name))
         return replace(self, text=with_whole_characters(self.text), link=with_whole_characters(self.link), view=view,
-                       made=with_whole_characters(self.made))
+                       made=with_whole_characters(self.made), scan=with_whole_characters(self.scan))
 
 
 def time_of(note: Annotation) -> datetime | None:

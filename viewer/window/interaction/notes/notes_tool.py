@@ -56,7 +56,7 @@ class Notes(Tool):
             context.toast(taken.note)
         made = datetime.now(UTC).isoformat().replace("+00:00", "Z")
         notes = context.document.annotations
-        note = Annotation("", taken.position, view=Viewpoint.of(context.camera, ""), made=made)
+        note = Annotation("", taken.position, view=Viewpoint.of(context.camera, ""), made=made, scan=picked.station)
         edit(context, "Write a note", annotations=(*notes, note))
         self.choose(len(notes), typing=True)
         return False

@@ -1,5 +1,6 @@
 """The rows of the Align tool in the inspector: which scan moves, its pairs with what they are off by, surfaces, numbers."""
 
+from math import isfinite
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,8 +14,9 @@ from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..editing import unit_of
 from ..tool import ToolContext
+from .bearing import BearingLine
 from .clicked_pairs import Pairs
-from .move_fields import Moving, move_fields, moved_rows
+from .move_fields import Moving, move_fields, moved_rows, number_field
 
 
 class Aligning(Moving, Protocol):
@@ -22,6 +24,7 @@ class Aligning(Moving, Protocol):
 
     moving: int
     pairs: Pairs
+    line: BearingLine
     levelling: bool
     result: str
     worker: Worker | None
@@ -33,6 +36,7 @@ class Aligning(Moving, Protocol):
     def choose(self, number: int) -> None: ...
     def apply_pairs(self, context: ToolContext) -> None: ...
     def refine(self, context: ToolContext) -> None: ...
+    def turn_to_bearing(self, context: ToolContext) -> None: ...
 
 
 def name_of(part: FilePart) -> str:
@@ -122,6 +126,19 @@ def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
     ui.same_line()
     if ui.button("Click its floor…" if tool.levelling else "Level…"):
         tool.levelling = not tool.levelling
+        tool.line.clear()
     if ui.is_item_hovered():
         ui.set_tooltip("A click on its floor fits a plane there and makes it horizontal")
+    if ui.button("Cancel bearing" if tool.line.asks or tool.line.places else "Bearing…"):
+        tool.levelling = False
+        tool.line.toggle()
+    if ui.is_item_hovered():
+        ui.set_tooltip("Click the two ends of a line on the scan, as a wall or towards north,\n"
+                       "and type its bearing: degrees clockwise from the y axis (0 north, 90 east)")
+    if tool.line.complete:
+        changed, value = number_field(ui, "bearing", tool.line.bearing, "%.4f°")
+        if changed and isfinite(value):
+            tool.line.bearing = value
+        if ui.button("Turn to bearing"):
+            tool.turn_to_bearing(context)
     moved_rows(ui, tool, tool.transform(context), context)

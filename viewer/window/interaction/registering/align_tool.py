@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....common.rigid_transform import IDENTITY, Rows, combined, moved_points
+from ....common.errors import InputError
+from ....common.rigid_transform import IDENTITY, Rows, combined, inverse, moved_points
 from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.places.pick import Picked
-from ....work.registration.levelling import by_numbers
+from ....work.registration.carried_work import carried, only_of
+from ....work.registration.levelling import by_numbers, set_bearing
 from ....work.registration.moved_files import points_of, transforms_of, with_transform
 from ....work.registration.point_pairs import LEAST
 from ....work.scan_files import FilePart, files_of
@@ -21,8 +23,9 @@ from ...kit.worker import Worker
 from ..editing import Pointing, drawn_points, edit, end, ended, unit_of
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .align_panel import draw_panel, name_of
+from .bearing import BearingLine
 from .clicked_pairs import Pairs
-from .moving_mesh import middle_of, names_of, number_of, refine_mesh_work, with_mesh_at
+from .moving_mesh import is_of, middle_of, names_of, number_of, refine_mesh_work, with_mesh_at
 from .refining import Moved, level_work, refine_work
 from .reload_moved import ReloadMoved
 
@@ -35,7 +38,8 @@ _FEW = 20_000
 
 class Align(Tool):
     """moving: number of the file that is moved, or, after them, of the mesh.  levelling: whether the next click is on its
-    floor.  shift, degrees: as typed, to be done.  result: of the last step, in words."""
+    floor.  line: of which the bearing is set, where it is begun.  shift, degrees: as typed, to be done.  result: of the last
+    step, in words."""
 
     name, label, icon = "align", "Align", icons.ALIGN
     help = "move a scan, or a model, to its place beside another scan"
@@ -48,6 +52,7 @@ class Align(Tool):
         self._reload = ReloadMoved()
         self.moving = 0
         self.pairs = Pairs()
+        self.line = BearingLine()
         self.levelling = False
         self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
         self.result = ""
@@ -70,23 +75,25 @@ class Align(Tool):
         """Of the files, and of the meshes after them."""
         return names_of(self.parts(context), context.document.meshes, name_of)
 
-    def mesh(self, context: ToolContext) -> MeshLayer | None:
-        """The mesh that is moved; None where a file is."""
-        number, meshes = self.moving - len(self.parts(context)), context.document.meshes
-        return meshes[number] if 0 <= number < len(meshes) else None
+    def mesh(self, context: ToolContext, number: int | None = None) -> MeshLayer | None:
+        """The mesh that is moved, or of a number; None where that is a file."""
+        at, meshes = (self.moving if number is None else number) - len(self.parts(context)), context.document.meshes
+        return meshes[at] if 0 <= at < len(meshes) else None
 
-    def transform(self, context: ToolContext) -> Rows:
-        """Of the moving file or mesh, as the document has it."""
-        if (layer := self.mesh(context)) is not None:
+    def transform(self, context: ToolContext, number: int | None = None) -> Rows:
+        """Of the moving file or mesh, or of that of a number, as the document has it."""
+        if (layer := self.mesh(context, number)) is not None:
             return layer.transform
         assert context.scene is not None
-        return transforms_of(context.document.scans, [context.scene.meta.sources[self.moving]])[0] or IDENTITY
+        source = context.scene.meta.sources[self.moving if number is None else number]
+        return transforms_of(context.document.scans, [source])[0] or IDENTITY
 
     def choose(self, number: int) -> None:
         """Another scan is to be moved."""
         if number != self.moving:
             self.moving, self.levelling, self.result = number, False, ""
             self.pairs.clear()
+            self.line.clear()
 
     # ---- clicks
 
@@ -97,7 +104,8 @@ class Align(Tool):
             self.pairs.drop_last()
             return False
         parts, names = self.parts(context), self.names(context)
-        if event.button != "left" or event.clicks != 1 or not parts or (len(names) < 2 and not self.levelling):
+        alone = self.levelling or self.line.asks
+        if event.button != "left" or event.clicks != 1 or not parts or (len(names) < 2 and not alone):
             return False
         begun, mesh = self.pairs.begun, self.mesh(context) is not None
         awaits_scan = self.levelling or (mesh and begun is not None and begun[0])  # a mesh may stand before it
@@ -106,7 +114,7 @@ class Align(Tool):
             return False
         of = number_of(picked, parts, context.document.meshes)
         moves = of == self.moving
-        if of is None or not (moves if self.levelling else self.pairs.takes(moves)):
+        if of is None or not (moves if alone else self.pairs.takes(moves)):
             whose = names[of] if of is not None else "none of the files"
             context.toast(f"{self.hint(context)}; this point is of {whose}")
             return False
@@ -114,6 +122,9 @@ class Align(Tool):
             self._level(context, picked, parts)
             return False
         transform = self.transform(context)
+        if self.line.asks:
+            self.line.add(np.array(picked.position), transform)
+            return False
 
         def arrived(exact: Picked) -> None:
             self.pairs.correct(np.array(taken.position), np.array(exact.position), transform)
@@ -125,8 +136,9 @@ class Align(Tool):
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         if event.kind != "press" or event.key not in ("BACKSPACE", "ESCAPE"):
             return False
-        if self.levelling and event.key == "ESCAPE":
+        if event.key == "ESCAPE" and (self.levelling or self.line.asks):
             self.levelling = False
+            self.line.clear()
         elif event.key == "BACKSPACE" or self.pairs.begun is not None:
             return self.pairs.drop_last()
         else:
@@ -138,6 +150,8 @@ class Align(Tool):
         names = self.names(context)
         if self.levelling and parts:
             return f"Click the floor of {names[self.moving]}"
+        if self.line.asks and self.moving < len(names):
+            return f"Click the {'end' if self.line.places else 'beginning'} of a line on {names[self.moving]}"
         if len(names) < 2 or self.moving >= len(names):
             return ""
         if (begun := self.pairs.begun) is not None:
@@ -148,6 +162,7 @@ class Align(Tool):
         if not self.parts(context):
             return
         transform, begun = self.transform(context), self.pairs.begun
+        self.line.draw(overlay, transform)
         if begun is not None:
             place = moved_points(transform, begun[1][None])[0] if begun[0] else begun[1]
             overlay.marker(place, "warn", 5.0, "ring" if begun[0] else "dot")
@@ -165,13 +180,20 @@ class Align(Tool):
     def place(self, context: ToolContext, number: int, transform: Rows, label: str) -> None:
         """Gives a file a transformation, as a step that can be undone."""
         assert context.scene is not None
-        if (at := number - len(self.parts(context))) >= 0:
-            edit(context, label, meshes=with_mesh_at(context.document.meshes, at, transform))
+        layer = self.mesh(context, number)
+        of_it = is_of(layer) if layer is not None else only_of(
+            [{context.scene.meta.scans[at].name for at in part.numbers} for part in self.parts(context)], number)
+        found = carried(context.document, combined(transform, inverse(self.transform(context, number))), of_it)
+        if found.moved or found.left:
+            stay = f"; {found.left} stay: volumes, profiles, or of an unknown scan" if found.left else ""
+            context.toast(f"Of measurements and notes {found.moved} moved with the scan{stay}")
+        work: dict[str, Any] = {"measurements": found.measurements, "annotations": found.annotations}
+        if layer is not None:
+            at = number - len(self.parts(context))
+            edit(context, label, meshes=with_mesh_at(context.document.meshes, at, transform), **work)
             return
         scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform)
-        if context.document.measurements or context.document.annotations:
-            context.toast("Measurements and notes stay where they are")
-        edit(context, label, scans=scans)
+        edit(context, label, scans=scans, **work)
 
     def apply_pairs(self, context: ToolContext) -> None:
         """Moves the scan so that its points come nearest to their partners."""
@@ -183,8 +205,7 @@ class Align(Tool):
 
     def refine(self, context: ToolContext) -> None:
         """Compares the surfaces, on a thread, from where the pairs lead, else from where the scan is."""
-        scene, parts, before = context.scene, self.parts(context), self.transform(context)
-        layer = self.mesh(context)
+        scene, parts, before, layer = context.scene, self.parts(context), self.transform(context), self.mesh(context)
         if scene is None or not parts or (len(parts) < 2 and layer is None):
             return
         found = self.pairs.fit()
@@ -214,6 +235,20 @@ class Align(Tool):
         self.place(context, self.moving, combined(motion, self.transform(context)), f"Move {self.names(context)[self.moving]}")
         self.shift, self.degrees = [0.0, 0.0, 0.0], 0.0
 
+    def turn_to_bearing(self, context: ToolContext) -> None:
+        """Turns the scan about the vertical until its line has the bearing that is typed."""
+        transform = self.transform(context)
+        first, second = moved_points(transform, np.array(self.line.places))
+        try:
+            motion = set_bearing(first, second, self.line.bearing)
+        except InputError as error:
+            context.toast(str(error))
+            return
+        name = self.names(context)[self.moving]
+        self.result = f"The line on {name} has a bearing of {self.line.bearing:.4f}°"
+        self.place(context, self.moving, combined(motion, transform), f"Set a bearing of {name}")
+        self.line.clear()
+
     def put_back(self, context: ToolContext) -> None:
         """Puts the scan where its file has it."""
         self.result = ""
@@ -224,6 +259,7 @@ class Align(Tool):
         if sources != self._of:
             self._of, self.moving, self.result, self.levelling = sources, max(len(sources) - 1, 0), "", False
             self.pairs.clear()
+            self.line.clear()
         meshes = len(context.document.meshes)
         if meshes != self._meshes or self.moving >= max(len(sources) + meshes, 1):
             if len(sources) == 1 or self.moving >= len(sources):  # a mesh beside one scan is what can be moved
@@ -240,7 +276,7 @@ class Align(Tool):
         """Numbers of the stations that are not drawn while the second point of a pair is awaited: those of the side that the
         first one is of, so that a click finds the other."""
         begun, parts = self.pairs.begun, self.parts(context)
-        if not self._selected or begun is None or self.levelling:
+        if not self._selected or begun is None or self.levelling or self.line.asks:
             return ()
         return tuple(number for at, part in enumerate(parts) if (at == self.moving) == begun[0] for number in part.numbers)
 
@@ -274,6 +310,7 @@ class Align(Tool):
 
     def left(self, context: ToolContext) -> None:
         self._selected = self.levelling = False
+        self.line.clear()
         context.session.work.set_aside = ()
 
     def close(self) -> None:

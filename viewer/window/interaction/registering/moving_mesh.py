@@ -41,6 +41,12 @@ def number_of(picked: Picked, parts: Sequence[FilePart], meshes: Sequence[MeshLa
     return next((number for number, part in enumerate(parts) if picked.scan in part.numbers), None)
 
 
+def is_of(layer: MeshLayer) -> Callable[[str], bool]:
+    """Tells whether the scan that a point was picked on, as its measurement names it, is this mesh."""
+    name = f"model {layer.name}"
+    return lambda scan: scan == name or scan.startswith(name + BESIDE_ELEMENT)
+
+
 def with_mesh_at(meshes: tuple[MeshLayer, ...], at: int, transform: Rows) -> tuple[MeshLayer, ...]:
     """The meshes of a document, one at another place."""
     return replaced(meshes, at, replace(meshes[at], transform=transform))
