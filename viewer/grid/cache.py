@@ -11,8 +11,6 @@ import hashlib
 import json
 import logging
 import os
-import tokenize
-import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -33,7 +31,8 @@ from ..readers.grid_folder import META as _META
 from ..readers.moved_source import Moves, moves_of_files
 from .building.grid_threads import processors
 from .checksum import checksum
-from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
+from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
+from .mapped_array import mapped
 from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, reserve, scratch
@@ -54,9 +53,6 @@ _OPTIONAL = {*_LATER, "noise", "records", "records_high", "record_sums"}
 _CACHE_REMEDY = ("free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take ",
                  Option("--no-cache"), ")")
 _OUT_REMEDY = ("free space or give ", Option("--out"), " a writable folder")
-_NPY_ERRORS = (OSError, ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, RecursionError, KeyError,
-               IndexError, Warning, tokenize.TokenError)  # fmt: skip
-"""What a damaged .npy header raises: NumPy evaluates it as a Python literal and makes a type of it."""
 _JOB = 16  # chunks whose checksums a thread computes at a time: 12 MiB, 9 ms; handing it over takes 0.04 ms, measured
 
 
@@ -169,20 +165,6 @@ def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel |
     if not np.isfinite(sigma).all() or sigma.min() < 0:
         raise DamagedGrid("its noise is not usable")
     return NoiseModel(header.origin, header.voxel, sigma, header.curve, header.overall, header.neighbourhoods)
-
-
-def mapped(path: Path) -> np.ndarray:
-    """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where there is none."""
-    if not path.is_file():  # opening a pipe would block
-        raise DamagedGrid(f"{path.name} is no file")
-    try:
-        with warnings.catch_warnings(action="error"):  # NumPy warns of headers that Python 2 wrote, and of huge shapes
-            array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load, it does not accept zip files and pickles
-    except _NPY_ERRORS as error:
-        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
-    if not array.flags.c_contiguous:
-        raise DamagedGrid(f"{path.name}: its rows lie in another order")
-    return array
 
 
 def distrust(folder: Path) -> str:

@@ -20,7 +20,7 @@ from ...readers.moved_source import move_of, moves_at
 from .. import cache as stored
 from ..build_scene import build_scene
 from ..density_layers import MAX_LAYERS, Lattice
-from ..grid_header import DamagedGrid, read_header
+from ..grid_header import DamagedGrid, cell_size_of
 
 _log = logging.getLogger(__name__)
 
@@ -91,7 +91,7 @@ def known_grids(files: Sequence[Path], cache: Path, options: PlaceOptions) -> Kn
         sizes = {}
         for name in sorted(there.get(options.folder(file).name, ()), reverse=True):
             try:
-                sizes[read_header(cache / name, None).cell_size] = cache / name
+                sizes[cell_size_of(cache / name)] = cache / name
             except DamagedGrid as error:
                 _log.warning("%s: damaged grid (%s); it is built again", cache / name, error)
         found[file] = sizes
