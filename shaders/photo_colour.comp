@@ -149,7 +149,8 @@ void main() {
         float footprint = far / number(photo, LENS) * lens.x / z;
         float fine = clamp((COARSE_TO - footprint / spacing) / (COARSE_TO - COARSE_FROM), 0.0, 1.0);
         float facing = abs(dot(ray, normal));
-        float confidence = sure * visible * fine * clamp((facing - GRAZING_FROM) / (GRAZING_TO - GRAZING_FROM), 0.0, 1.0);
+        float steep = clamp((facing - GRAZING_FROM) / (GRAZING_TO - GRAZING_FROM), 0.0, 1.0);
+        float confidence = sure * visible * fine * steep * number(photo, PRESENCE);
         float border = min(pixel.y, high - pixel.y);
         if (whole(photo, AROUND) == 0) border = min(border, min(pixel.x, wide - pixel.x));
         float inner = AT_BORDER + (1.0 - AT_BORDER) * min(border / (BORDER * wide), 1.0);

@@ -28,7 +28,7 @@ def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
     pool = PhotoPool(len(prepared) - 1, max(len(photo.words) for photo in prepared))
     for number, photo in enumerate(prepared[:-1]):
         pool.put(number, photo)
-    numbers = list(range(len(prepared) - 1))
+    numbers, pool.presence = list(range(len(prepared) - 1)), {1: 0.5, 3: 0.8}  # they fade in
     programs, size = Programs(context), (width, height)
     step, resident = PhotoShader(programs, size), ResidentPool(context, pool)
     textures = [context.texture(size, 4, filled.tobytes()), context.texture(size, 1, depth.tobytes(), dtype="f4"),

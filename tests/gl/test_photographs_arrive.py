@@ -1,5 +1,7 @@
-"""A window does not wait for photographs: its first picture is without them, a later one the same bytes as one that waited."""
+"""A window does not wait for photographs: its first picture is without them, they fade in over the next ones, and then it has
+the same bytes as one that waited."""
 
+import itertools
 import time
 
 import numpy as np
@@ -42,7 +44,12 @@ def test_photographs_come_later_and_make_the_same_picture(context, wall):
             end = time.monotonic() + 60
             while not renderer.photographs.library("wall")._coming[0].done() and time.monotonic() < end:
                 time.sleep(0.01)
-            frame = renderer.render(camera, settings, streaming=True)
+            steps = [plain.astype(int)]
+            while len(steps) < 2 or (renderer.photographs.arrived and len(steps) < 20):
+                frame = renderer.render(camera, settings, streaming=True)
+                steps.append(frame.image("filled").astype(int))
+            changes = [np.abs(after - before).mean() for before, after in itertools.pairwise(steps)]
+            assert len(changes) > 3 and max(changes) < 0.4 * np.abs(steps[-1] - steps[0]).mean() > 0
         share = frame.from_photographs()
         assert share is not None and share.mean() > 0.5 and frame.facts.photographs == 1
         made.append(frame.image("filled").copy())

@@ -54,12 +54,14 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
     pool = PhotoPool(len(given), max(len(photo.words) for photo in prepared))
     for number, photo in enumerate(prepared):
         pool.put(number, photo)
+    pool.presence = {0: 0.4, 5: 0.7}  # they fade in
     made, share = photographed(filled, depth, measured, camera, pool, list(range(len(given))))
     photos = []
-    for picture, valid, which, lens, around, pose, nearest, gains in given:
+    for number, (picture, valid, which, lens, around, pose, nearest, gains) in enumerate(given):
         turn = pose[:3, :3].T @ camera.view_rotation.T
         shift = pose[:3, :3].T @ (camera.position - pose[:3, 3])
-        photos.append(reference.ReferencePhoto(mip_levels(picture, valid), which, lens, around, turn, shift, nearest, gains))
+        photos.append(reference.ReferencePhoto(mip_levels(picture, valid), which, lens, around, turn, shift, nearest, gains,
+                                               pool.presence.get(number, 1.0)))
     wanted, part = reference.photographed(filled, depth, measured > 127, (camera.fx, camera.fy, camera.cx, camera.cy), photos)
     assert 0.2 < np.mean(part > 0.5) < 0.98  # the case decides something
     assert np.mean(np.abs(share / 255 - part) > 0.01) < 0.004

@@ -35,6 +35,8 @@ IN_REACH = 24
 """Photographs at most for one picture."""
 PLACES = 600
 """Places in the view by which photographs are chosen."""
+FADE = 6
+"""Pictures over which a photograph fades in that arrives while the window shows others: 0.4 s at 15 pictures a second."""
 LEAST_VOTES = 0.002
 """Share of all votes below which a photograph is not worth its memory."""
 
@@ -44,8 +46,8 @@ log = logging.getLogger(__name__)
 class PhotoLibrary:
     """The posed photographs of one scene.
 
-    wake: called on another thread when a photograph has been prepared that a picture lacked.  missing: photographs that the
-    last picture lacked.  arrived: whether more have come since.
+    wake: called, also on another thread, when a photograph has been prepared that a picture lacked, and while one fades in.
+    missing: photographs that the last picture lacked.  arrived: whether the next picture shows more of them.
     """
 
     def __init__(self, scene: "Scene", photographs: list[PosedPhotograph], wake: Callable[[], None] = lambda: None):
@@ -54,7 +56,7 @@ class PhotoLibrary:
         slot = max(sizes)
         count = int(np.clip(BUDGET // (4 * slot), 4, len(photographs)))
         self.pool = PhotoPool(count, slot)
-        self.missing = 0
+        self.missing, self._fading = 0, False
         self._fits: dict[int, PhotoFit | None] = {}
         self._coming: dict[int, Future[PreparedPhoto | None]] = {}
         self._threads: ThreadPoolExecutor | None = None
@@ -107,25 +109,35 @@ class PhotoLibrary:
         return self._chosen[1]
 
     def ready(self, camera: "Camera", *, wait: bool) -> list[int]:
-        """Numbers of the photographs in reach that are in the pool now.  wait: for all of them; else a thread prepares them."""
+        """Numbers of the photographs in reach that are in the pool now.  wait: for all of them; else a thread prepares them,
+        and each fades in over FADE pictures."""
         wanted = [number for number in self.in_reach(camera) if self._fits.get(number, True) is not None]
         absent = [number for number in wanted if number not in self.pool]
         if absent:
             self._begin(absent)
-        keep = frozenset(wanted)
+        keep, presence = frozenset(wanted), self.pool.presence
+        for number in list(presence):
+            presence[number] += 1.0 / FADE
+            if wait or presence[number] > 1.0 - 0.5 / FADE:
+                del presence[number]
         for number in absent:
             coming = self._coming[number]
             if wait or coming.done():
                 photo = self._coming.pop(number).result()
                 if photo is not None:
                     self.pool.put(number, photo, keep)
+                    if not wait:
+                        presence[number] = 1.0 / FADE
         self.missing = sum(number in self._coming for number in absent)
+        self._fading = not keep.isdisjoint(presence)
+        if self._fading:
+            self._wake()
         return [number for number in wanted if number in self.pool]
 
     @property
     def arrived(self) -> bool:
-        """Whether a photograph that the last picture lacked is there now."""
-        return self.missing > 0 and any(coming.done() for coming in self._coming.values())
+        """Whether a photograph that the last picture lacked is there now, or one in it has not faded in."""
+        return self._fading or (self.missing > 0 and any(coming.done() for coming in self._coming.values()))
 
     def _begin(self, numbers: list[int]) -> None:
         if self._threads is None:

@@ -1,4 +1,5 @@
 """Compiled loops of the photographs on the processor; reference implementation: model/reference/photo_colours.py.
+Its constants and those of photo_tile_loops are compiled in.
 
 The picture is worked on in tiles (photo_tile_loops).  Of each tile those photographs are looked at whose frustum meets the
 tile's depths and whose pixels are fine enough: the one that could weigh most first, until no further one could be among the

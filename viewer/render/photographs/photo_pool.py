@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 NUMBERS, PLACES = 32, 32
 """Float32 and int32 values of a record."""
-TURN, SHIFT, LENS, GAINS = 0, 9, 12, 16
+TURN, SHIFT, LENS, GAINS, PRESENCE = 0, 9, 12, 16, 19
 """Where a record's numbers begin: rotation view frame -> photograph by rows, the camera's place in its frame, fx fy cx cy,
-gains."""
+gains, presence."""
 KIND, AROUND, WIDTH, HEIGHT, MAP, MAP_WIDTH, MAP_HEIGHT, LEVELS, LEVEL = range(9)
 """Of a record's whole numbers: LEVEL and the next ones are the first words of each mip level, MAP that of the shadow map."""
 
@@ -73,7 +73,8 @@ class PhotoPool:
     """Slots for ``count`` photographs of at most ``size`` words.  words: (count * size,) uint32; memory is taken as it is
     filled.
 
-    changed: the slots that were filled since it was last cleared, for who keeps a copy.
+    changed: the slots that were filled since it was last cleared, for who keeps a copy.  presence: of photographs that fade in,
+    0..1; the others are there in full.
     """
 
     def __init__(self, count: int, size: int):
@@ -82,6 +83,7 @@ class PhotoPool:
         self._photos: list[PreparedPhoto | None] = [None] * count
         self._slots: dict[int, int] = {}  # photograph -> slot, the one used last at the end
         self.changed: set[int] = set()
+        self.presence: dict[int, float] = {}
 
     @property
     def filled(self) -> int:
@@ -115,6 +117,7 @@ class PhotoPool:
             floats[row, SHIFT : SHIFT + 3] = to_photo @ (camera.position - photo.camera_to_world[:3, 3])
             floats[row, LENS : LENS + 4] = photo.lens
             floats[row, GAINS : GAINS + 3] = photo.gains
+            floats[row, PRESENCE] = self.presence.get(number, 1.0)
             places[row] = photo.places
             places[row, LEVEL : LEVEL + photo.places[LEVELS]] += slot * self.size
             places[row, MAP] += slot * self.size

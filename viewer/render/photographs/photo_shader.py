@@ -23,8 +23,8 @@ MOST_PHOTOGRAPHS = 32
 """Photographs at most for one picture, at least photo_library.IN_REACH."""
 _SURFACE: dict[str, Any] = {"BEND_AT": constants.BEND_AT, "BEND": constants.BEND}
 _COLOUR: dict[str, Any] = {
-    **{name: getattr(layout, name) for name in ("TURN", "SHIFT", "LENS", "GAINS", "KIND", "AROUND", "WIDTH", "HEIGHT", "MAP",
-                                                "MAP_WIDTH", "MAP_HEIGHT", "LEVELS", "LEVEL", "NUMBERS")},
+    **{name: getattr(layout, name) for name in ("TURN", "SHIFT", "LENS", "GAINS", "PRESENCE", "KIND", "AROUND", "WIDTH",
+                                                "HEIGHT", "MAP", "MAP_WIDTH", "MAP_HEIGHT", "LEVELS", "LEVEL", "NUMBERS")},
     **{name: getattr(constants, name) for name in ("PINHOLE", "SPHERICAL", "BLOCK", "NORMAL_AT", "HIDDEN", "LEAST_ANGLE",
                                                    "BORDER", "AT_BORDER", "POINTS_VOTE", "AGREES")},
     **{f"{name}_{end}": getattr(constants, name)[k] for name in ("SPARSE", "COARSE", "GRAZING")

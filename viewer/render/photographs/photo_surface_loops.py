@@ -1,6 +1,6 @@
 """Compiled loops that tell where the surface of a picture is certain, and how far its measured pixels are apart.
 
-Reference implementation: model/reference/photo_colours.py.  Planes are (H, W).
+Reference implementation: model/reference/photo_colours.py, whose constants are compiled in.  Planes are (H, W).
 """
 
 import numpy as np

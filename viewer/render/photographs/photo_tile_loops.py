@@ -20,7 +20,22 @@ from ....model.reference.photo_colours import (
     POINTS_VOTE,
     SPHERICAL,
 )
-from .photo_pool import AROUND, GAINS, HEIGHT, KIND, LENS, LEVEL, LEVELS, MAP, MAP_HEIGHT, MAP_WIDTH, SHIFT, TURN, WIDTH
+from .photo_pool import (
+    AROUND,
+    GAINS,
+    HEIGHT,
+    KIND,
+    LENS,
+    LEVEL,
+    LEVELS,
+    MAP,
+    MAP_HEIGHT,
+    MAP_WIDTH,
+    PRESENCE,
+    SHIFT,
+    TURN,
+    WIDTH,
+)
 
 TILE = 16
 """Pixels along a side of a tile; a multiple of BLOCK."""
@@ -125,7 +140,7 @@ def weigh(s, num, whole, focal, kept, words, ranges):
     t5, t6, t7, t8 = num[TURN + 5], num[TURN + 6], num[TURN + 7], num[TURN + 8]
     sx, sy, sz = num[SHIFT], num[SHIFT + 1], num[SHIFT + 2]
     ex, ey, ez = -(t0 * sx + t3 * sy + t6 * sz), -(t1 * sx + t4 * sy + t7 * sz), -(t2 * sx + t5 * sy + t8 * sz)
-    scale, wide, high = focal / num[LENS], _F(whole[WIDTH]), _F(whole[HEIGHT])
+    scale, wide, high, presence = focal / num[LENS], _F(whole[WIDTH]), _F(whole[HEIGHT]), num[PRESENCE]
     aside, near_border = _F(_ANYWHERE if whole[AROUND] else 0.0), _F(1.0) / (_F(BORDER) * wide)
     for i in range(PIXELS):
         column, row = kept[COLUMN + i], kept[ROW + i]
@@ -138,7 +153,7 @@ def weigh(s, num, whole, focal, kept, words, ranges):
         fine = min(max(fine, _F(0.0)), _F(1.0))
         facing = abs(dx * s[NORMAL_X + i] + dy * s[NORMAL_Y + i] + dz * s[NORMAL_Z + i]) * inverse
         steep = min(max((facing - _F(GRAZING[0])) * _F(1.0 / (GRAZING[1] - GRAZING[0])), _F(0.0)), _F(1.0))
-        confidence = s[SURE + i] * visible * fine * steep
+        confidence = s[SURE + i] * visible * fine * steep * presence
         alike = min((dx * s[VIEW_X + i] + dy * s[VIEW_Y + i] + dz * s[VIEW_Z + i]) * inverse, _F(1.0))
         border = min(min(row, high - row), min(column, wide - column) + aside)
         inner = _F(AT_BORDER) + _F(1.0 - AT_BORDER) * min(border * near_border, _F(1.0))

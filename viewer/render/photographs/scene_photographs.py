@@ -76,7 +76,7 @@ class ScenePhotographs:
 
     @property
     def arrived(self) -> bool:
-        """Whether a photograph that the last picture lacked is there now."""
+        """Whether a photograph that the last picture lacked is there now, or one in it has not faded in."""
         return self._last is not None and self._last.arrived
 
     def release(self) -> None:
