@@ -20,8 +20,8 @@ BEND_AT = 2
 """Pixels to either side between which inverse depth is compared with its middle."""
 BEND = 0.018
 """Second difference of inverse depth over BEND_AT pixels, relative to it, up to which a surface is certain; from twice that on
-it is not.  Chosen on rendered rooms at one point in ten, like the constants below: over 0.012 it adds 0.003 and 0.004 SSIM to
-filled pictures of atrium and living-room-2 (0.002 and 0.003 to neural ones); 0.024 costs atrium distance in neural ones."""
+it is not.  Chosen on rendered rooms at one point in ten, like the constants below: over 0.012 it adds 0.004 and 0.003 SSIM to
+filled pictures of atrium and living-room-2 (0.003 and 0.001 to neural ones); 0.024 costs atrium distance in neural ones."""
 HIDDEN = 0.03
 """How much farther than the shadow map, relative to it, a surface is certainly seen; from twice that on it is hidden."""
 COARSE = (1.0, 2.0)
