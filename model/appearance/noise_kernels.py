@@ -23,6 +23,17 @@ def _mix(key):
     return key ^ (key >> np.uint64(33))
 
 
+@compiled(nogil=True, inline="always")
+def _next_in_x(xyz, x, before, after, low, high):
+    """Searching outwards on both sides of ``x``: the point that is next in x, how far it is there (inf: none is left), and the
+    next ones on either side.  before, after: the next ones until now, of points low to high, which ascend in x."""
+    below = x - xyz[before, 0] if before >= low else np.float32(np.inf)
+    above = xyz[after, 0] - x if after < high else np.float32(np.inf)
+    if below <= above:
+        return below, before, before - 1, after
+    return above, after, before, after + 1
+
+
 @compiled(nogil=True)
 def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
     """Selects the points of sampled neighbourhoods: a lattice cell is divided into side**3 boxes, some of which are sampled.
@@ -71,15 +82,8 @@ def residuals(xyz, value, starts, near, far, reach):
             found, worst = 0, np.float32(np.inf)
             x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
             before, after = i - 1, i + 1
-            while True:  # search outwards on both sides, the nearer in x first
-                below = x - xyz[before, 0] if before >= begin else np.float32(np.inf)
-                above = xyz[after, 0] - x if after < end else np.float32(np.inf)
-                if below <= above:
-                    dx, j = below, before
-                    before -= 1
-                else:
-                    dx, j = above, after
-                    after += 1
+            while True:
+                dx, j, before, after = _next_in_x(xyz, x, before, after, begin, end)
                 if not dx * dx < worst or dx == np.inf:
                     break
                 dy, dz = xyz[j, 1] - y, xyz[j, 2] - z
@@ -116,15 +120,8 @@ def nearest_of_others(xyz, value, starts, begins, ends, distance, difference):
                 low, high = starts[other], starts[other + 1]
                 after = low + np.searchsorted(xyz[low:high, 0], x)
                 before = after - 1
-                while True:  # outwards on both sides, the nearer in x first
-                    below = x - xyz[before, 0] if before >= low else np.float32(np.inf)
-                    above = xyz[after, 0] - x if after < high else np.float32(np.inf)
-                    if below <= above:
-                        dx, j = below, before
-                        before -= 1
-                    else:
-                        dx, j = above, after
-                        after += 1
+                while True:
+                    dx, j, before, after = _next_in_x(xyz, x, before, after, low, high)
                     if not dx * dx < best or dx == np.inf:
                         break
                     dy, dz = xyz[j, 1] - y, xyz[j, 2] - z

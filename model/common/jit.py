@@ -9,7 +9,9 @@ from typing import Any
 from numba import njit
 from numba.core import config as _numba_config
 from numba.core import event
+from numba.core.caching import FunctionCache
 
+from .compiled_in import digest
 from .loop_cache import NOTICE, kept_in
 
 _BLAS = "scipy.linalg.cython_blas"
@@ -50,6 +52,19 @@ def _is_ours(dispatcher) -> bool:
     return dispatcher.py_func.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
+class _Cache(FunctionCache):
+    """numba's, which also looks at what is compiled into a loop from other modules."""
+
+    def _index_key(self, sig, codegen) -> Any:
+        return (*super()._index_key(sig, codegen), digest(self._py_func))
+
+
+def _cached(function, options: dict):
+    loop: Any = njit(**options)(function)
+    loop._cache = _Cache(function)  # as its enable_caching
+    return loop
+
+
 config: Any = _numba_config  # its settings are set from the environment, which a type checker does not see
 event.register("numba:compile", _CompilingListener())
 _CONFIG = threading.Lock()
@@ -72,7 +87,7 @@ def compiled(**options):
             if package not in folder.parents:
                 return _kept_in(folder, function, options)
         try:
-            return njit(cache=True, **options)(function)
+            return _cached(function, options)
         except RuntimeError:  # NUMBA_CACHE_DIR cannot be written
             NOTICE.kept = False
             return njit(**options)(function)
@@ -85,6 +100,6 @@ def _kept_in(folder: Path, function, options: dict):
     with _CONFIG:
         before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
         try:
-            return njit(cache=True, **options)(function)
+            return _cached(function, options)
         finally:
             config.CACHE_DIR = before

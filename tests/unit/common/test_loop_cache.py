@@ -41,7 +41,7 @@ def package(tmp_path):
     for file in (folder / "__init__.py", folder / "common" / "__init__.py", folder / "__pycache__"):
         file.touch()
     (folder / "loops.py").write_text(LOOP)
-    for name in ("jit", "loop_cache", "system"):
+    for name in ("compiled_in", "jit", "loop_cache", "system"):
         shutil.copy(COMMON / f"{name}.py", folder / "common")
     return folder
 
@@ -103,3 +103,54 @@ def test_the_line_comes_once_and_not_for_a_single_fast_loop(monkeypatch):
         assert len(said) == expected
     notice.kept = False
     assert "POINTGLASS_CACHE" in notice.line()
+
+
+CALLER = """
+from . import values
+from .common.jit import compiled
+from .helpers import scaled
+from .values import OFFSET
+
+@compiled()
+def result(number):
+    return inner(number) + OFFSET + values.PAIR[1]
+
+@compiled()
+def inner(number):
+    return scaled(number)
+"""
+HELPERS = """
+from .common.jit import compiled
+from .values import FACTOR
+
+@compiled()
+def scaled(number):
+    return FACTOR * number
+"""
+
+
+@pytest.mark.parametrize(("file", "before", "after"), [
+    ("values.py", "OFFSET = 1", "OFFSET = 2"), ("values.py", "PAIR = (5, 10)", "PAIR = (5, 20)"),
+    ("values.py", "FACTOR = 100", "FACTOR = 300"), ("helpers.py", "FACTOR * number", "FACTOR - number"),
+])  # fmt: skip
+def test_a_constant_or_a_loop_of_another_module_that_changed_is_compiled_again(package, tmp_path, file, before, after):
+    """As after `git pull`: the file of the loop that is called is the same."""
+    for name, text in (("caller", CALLER), ("helpers", HELPERS), ("values", "OFFSET = 1\nPAIR = (5, 10)\nFACTOR = 100\n")):
+        (package / f"{name}.py").write_text(text)
+    told = ("import sys; sys.path.insert(0, sys.argv[1])\nfrom package.caller import result\n"
+            "print(result(3), sum(result.stats.cache_hits.values()))")
+    environment = os.environ | {"POINTGLASS_CACHE": str(tmp_path / "cache")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def called() -> tuple[int, int]:
+        done = subprocess.run([sys.executable, "-B", "-c", told, str(package.parent)], env=environment, capture_output=True,
+                              text=True, timeout=120)
+        assert done.returncode == 0, done.stderr
+        value, hits = map(int, done.stdout.split())
+        return value, hits
+
+    assert called() == (311, 0) and called() == (311, 1)
+    changed = package / file
+    changed.write_text(changed.read_text().replace(before, after))
+    expected = {"OFFSET = 2": 312, "PAIR = (5, 20)": 321, "FACTOR = 300": 911, "FACTOR - number": 108}[after]
+    assert called() == (expected, 0) and called() == (expected, 1)

@@ -129,8 +129,8 @@ def aligned(random, count: int, noise: float) -> tuple[Alignment, float]:
 def test_the_motion_of_a_station_is_found_within_the_stated_uncertainty(seed):
     """At noise of 1 to 5 mm, with a third to 40 % of overlap.  The random part alone is 95 %; all are within twice that.
 
-    It is itself estimated from the scatter of parts: of 180 motions its median was 0.19 of the noise and the largest 0.37; a run
-    of the tests met 0.50.
+    It is itself estimated from the scatter of parts: of 180 motions its median was 0.19 of the noise and the largest 0.37; a
+    run of the tests met 0.50.
     """
     random = np.random.default_rng(seed)
     ratios, stated = [], []
