@@ -124,7 +124,7 @@ main() {
     rm -f .venv/.stamp
     install_torch
     .venv/bin/python -m pip install -q -c .ci/constraints.txt -e ".[$extras]"
-    say "compiling numba's loops (half a minute)"
+    say "compiling numba's loops (two minutes)"
     .venv/bin/python -m pointglass.viewer.compile_kernels
     echo "$wanted" >.venv/.stamp
     say "done"

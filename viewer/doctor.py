@@ -138,11 +138,11 @@ def _loops() -> dict:
     folder = Path(configured) if configured else kept_in(package)
     if folder is None:
         return item("compiled loops", "warn", "no folder to keep them in can be written: every process compiles them, which "
-                    "takes half a minute", "set POINTGLASS_CACHE to a folder that you own and can write")
+                    "takes about a minute", "set POINTGLASS_CACHE to a folder that you own and can write")
     where = "beside the modules" if package in folder.parents else str(folder)
     if any(folder.glob(_LOOP) if package in folder.parents else folder.glob(f"*/{_LOOP}")):
         return item("compiled loops", "ok", f"kept {where}; compiled")
-    return item("compiled loops", "ok", f"kept {where}; compiled once, when they are first used, which takes half a minute; "
+    return item("compiled loops", "ok", f"kept {where}; compiled once, when they are first used, which takes about a minute; "
                 f"beforehand: {sys.executable} -m {__package__}.compile_kernels")
 
 

@@ -101,8 +101,8 @@ class CompilingNotice:
 
     def line(self) -> str:
         if self.kept:
-            return "compiling loops, once, about half a minute"
-        return ("compiling loops, about half a minute, in every process: no folder to keep them in can be written; "
+            return "compiling loops, once, about a minute"
+        return ("compiling loops, about a minute, in every process: no folder to keep them in can be written; "
                 "set POINTGLASS_CACHE to one")
 
 
