@@ -89,14 +89,20 @@ def test_two_dates_are_compared_by_clicks_and_the_red_change_is_kept_in_the_proj
     assert window.ended() == 0, "nothing is left to be saved"
     kept = read_project(project).comparison
     assert kept is not None and kept.figures is not None and kept.figures.points == 150_000
-    for old in tmp_path.glob("pointglass*.png"):
-        old.unlink()
-    window = RealWindow(display, tmp_path, "view", project)
-    window.wait_for_title("·")
+    window = opened_again(display, tmp_path, project)
     until(lambda: red(shot(window)) > 0.02, "the change, which the project has")
     window.keys("ctrl+z")
     window.keys("ctrl+q")
     assert window.ended() == 0
+
+
+def opened_again(display, tmp_path, project) -> RealWindow:
+    """A window with the project, in whose folder there are no pictures of the one before."""
+    for old in tmp_path.glob("pointglass*.png"):
+        old.unlink()
+    window = RealWindow(display, tmp_path, "view", project)
+    window.wait_for_title("·")
+    return window
 
 
 def blue(picture) -> float:
@@ -140,10 +146,7 @@ def test_a_scan_is_compared_with_a_model_by_clicks_which_is_kept_drawn_again_and
     until(lambda: not read_shot(shot(window)).spec.edits.meshes[0].visible, "the comparison again")
     window.keys("ctrl+q")
     assert window.ended() == 0
-    for old in tmp_path.glob("pointglass*.png"):
-        old.unlink()
-    window = RealWindow(display, tmp_path, "view", project)
-    window.wait_for_title("·")
+    window = opened_again(display, tmp_path, project)
     until(lambda: blue(shot(window)) > 0.02, "the distances, which the project has")
     window.keys("ctrl+q")
     assert window.ended() == 0

@@ -26,7 +26,8 @@ class PathTiming:
 
 
 def timing_of(path: Path, count: int) -> PathTiming:
-    """What a camera file, which can be read, says.  count: of its cameras.  Raises InputError."""
+    """Durations, stays and captions in a camera file that ``read_cameras`` has accepted.  count: of its cameras.  Raises
+    InputError."""
     if path.suffix.lower() != ".json":
         return PathTiming()
     data = json.loads(path.read_text(encoding="utf-8-sig"))  # read_cameras has read it

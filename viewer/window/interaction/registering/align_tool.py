@@ -76,12 +76,12 @@ class Align(Tool):
         return names_of(self.parts(context), context.document.meshes, name_of)
 
     def mesh(self, context: ToolContext, number: int | None = None) -> MeshLayer | None:
-        """The mesh that is moved, or of a number; None where that is a file."""
+        """The mesh with this number in the list of files and meshes (None: the one being moved); None if the row is a file."""
         at, meshes = (self.moving if number is None else number) - len(self.parts(context)), context.document.meshes
         return meshes[at] if 0 <= at < len(meshes) else None
 
     def transform(self, context: ToolContext, number: int | None = None) -> Rows:
-        """Of the moving file or mesh, or of that of a number, as the document has it."""
+        """The transform in the document of the file or mesh with this number; None: of the one being moved."""
         if (layer := self.mesh(context, number)) is not None:
             return layer.transform
         assert context.scene is not None
