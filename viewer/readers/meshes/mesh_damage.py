@@ -28,7 +28,8 @@ def check_head(path: Path, data: bytes) -> None:
 
 def _check_glb(path: Path, data: bytes) -> None:
     if data[:4] != _GLTF or len(data) < 20:
-        raise InputError(f'begins with {data[:4]!r}, a GLB with b"glTF"', file=path, remedy=AGAIN)
+        begin = data[:4].decode("ascii", "backslashreplace")
+        raise InputError(f"begins with {begin!r}, a GLB begins with 'glTF'", file=path, remedy=AGAIN)
     version, length, first, kind = struct.unpack_from("<IIII", data, 4)
     if version != 2:
         raise InputError(f"is a GLB of version {version}, 2 is read", file=path, remedy="export it as glTF 2.0")
