@@ -125,7 +125,8 @@ def test_a_damaged_mesh_is_one_line(tmp_path, name):
 def test_what_is_wrong_with_a_file_is_said_with_the_value_in_our_words(tmp_path):
     good = trimesh.creation.box().export(file_type="glb")
     cases = {
-        "noise.glb": (b"PK\3\4" + good[4:], "begins with 'PK"), "cut.glb": (good[:-30], f"has {len(good) - 30:,}: it is cut"),
+        "noise.glb": (b"PK\3\4" + good[4:], "begins with 'PK"), "head.glb": (good[:15], "15 bytes do not hold the head"),
+        "cut.glb": (good[:-30], f"has {len(good) - 30:,}: it is cut"),
         "old.glb": (good[:4] + struct.pack("<I", 1) + good[8:], "GLB of version 1"),
         "text.glb": (good[:20] + b"%" + good[21:], "no JSON at byte 0"), "other.gltf": (b'{"scans": []}', 'has no "asset"'),
         "one.gltf": (b'{"asset": {"version": "1.0"}}', "version '1.0'"),

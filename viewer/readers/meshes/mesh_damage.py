@@ -27,7 +27,9 @@ def check_head(path: Path, data: bytes) -> None:
 
 
 def _check_glb(path: Path, data: bytes) -> None:
-    if data[:4] != _GLTF or len(data) < 20:
+    if data[:4] == _GLTF and len(data) < 20:
+        raise InputError(f"{len(data)} bytes do not hold the head of a GLB: it is cut off", file=path, remedy=AGAIN)
+    if data[:4] != _GLTF:
         begin = data[:4].decode("ascii", "backslashreplace")
         raise InputError(f"begins with {begin!r}, a GLB begins with 'glTF'", file=path, remedy=AGAIN)
     version, length, first, kind = struct.unpack_from("<IIII", data, 4)
