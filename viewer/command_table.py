@@ -83,12 +83,12 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _publish_options(parser: argparse.ArgumentParser) -> None:
-    from .commands.publishing.command import VIEWS_SHOWN, add_arguments
+    from .commands.publishing.command import add_arguments
 
     add_scans(parser)
     add_exposures(parser)
     add_arguments(parser)
-    add_settings(parser, views=VIEWS_SHOWN)
+    add_settings(parser)
     add_memory(parser)
 
 

@@ -21,7 +21,9 @@ from pointglass.viewer.commands.publishing.depth_codes import DepthScale, unpack
 from pointglass.viewer.commands.publishing.publication import alone
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.background import composite
+from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.work.cameras.camera_files import write_transforms
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.notes.annotation import Annotation
@@ -58,8 +60,6 @@ def room(path, seed, points=500_000):
 def project(folder, scan):
     """A project with a viewpoint at EYE, one beside it, and notes."""
     def view(name, eye, ahead):
-        from pointglass.viewer.picture.camera import from_fov, look_at
-
         return Viewpoint.of(from_fov(64, 64, 60.0, look_at(eye + OFFSET, eye + OFFSET + ahead)), name)
 
     views = view("By the window", EYE, (1, 0, 0)), view(HOSTILE, EYE + (1.6, 0.4, 0.1), (0, 1, -0.2))
@@ -99,7 +99,7 @@ def published(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scans of anna")
     scan = project(folder, room(folder / "room.laz", 5))
     out = folder / "site"
-    done = publish(scan, "--out", out, "--view", "filled", "--places", "viewpoints", "--title", HOSTILE)
+    done = publish(scan, "--out", out, "--view", "filled", "--at", "viewpoints", "--title", HOSTILE)
     assert done.returncode == 0, done.stderr
     return out, scan, done.stdout + done.stderr
 
@@ -171,7 +171,7 @@ def test_text_stays_text_and_nothing_tells_of_the_machine(published):
 def test_a_run_that_was_stopped_leaves_whole_places_and_is_gone_on_with(published, tmp_path):
     _, scan, _ = published
     out = tmp_path / "site"
-    arguments = [str(scan), "--out", str(out), "--view", "filled", "--places", "9"]
+    arguments = [str(scan), "--out", str(out), "--view", "filled", "--at", "9"]
     running = subprocess.Popen([sys.executable, "-m", "pointglass.viewer", "publish", *arguments], stderr=subprocess.DEVNULL)
     end = time.monotonic() + 120
     while not (out / "places" / "000.first.js").is_file():
@@ -193,8 +193,9 @@ def test_a_run_that_was_stopped_leaves_whole_places_and_is_gone_on_with(publishe
 
 
 @pytest.mark.parametrize(("arguments", "told"), [
-    (["--places", "none"], "--places"), (["--places", "0"], "--places"), (["--places", "stations"], "no scanner positions"),
-    (["--view", "raw"], "--view"),
+    (["--at=1.5"], "--at '1.5': expected auto, stations, viewpoints, a camera file that exists, or a number"),
+    (["--at", "0"], "--at"), (["--at", "stations"], "no scanner positions"), (["--view", "raw", "--second", "raw"], "--second"),
+    (["--size", "640"], "--size"),
 ])  # fmt: skip
 def test_what_cannot_be_published_is_refused_in_a_line(published, tmp_path, arguments, told):
     _, scan, _ = published
@@ -203,18 +204,36 @@ def test_what_cannot_be_published_is_refused_in_a_line(published, tmp_path, argu
     assert not (tmp_path / "new").exists()
 
 
+def test_cameras_of_a_file_are_places_in_any_view(published, tmp_path):
+    """The second one stands where the first does."""
+    _, scan, _ = published
+    ahead = [(1.0, 0.2, -0.5), (0, 1.0, 0), (-1.0, 1.0, 0.4)]
+    stands = [EYE + OFFSET, EYE + OFFSET + (0, 0, 0.01), EYE + OFFSET + (1.5, 0.3, 0)]
+    poses = [look_at(stand, stand + way) for stand, way in zip(stands, ahead, strict=True)]
+    write_transforms(tmp_path / "seen.json", [from_fov(64, 48, 50.0, pose, f"seen {n}") for n, pose in enumerate(poses)])
+    done = publish(scan, "--out", tmp_path / "site", "--at", tmp_path / "seen.json", "--view", "raw", "--size", "512")
+    assert done.returncode == 0, done.stderr
+    data = value_of(tmp_path / "site" / "scene.js")
+    axes = np.array(data["axes"])
+    found = [axes @ place["position"] + data["origin"] for place in data["places"]]
+    assert np.allclose(found, [stands[0], stands[2]], atol=1e-6) and (data["view"], data["second"]) == ("raw", None)
+    headings = [np.degrees(np.arctan2(*(way @ axes)[1::-1])) for way in (np.array(ahead[0]), np.array(ahead[2]))]
+    assert np.allclose([place["yaw"] for place in data["places"]], headings, atol=1e-6)
+
+
 def test_a_second_publication_into_one_folder_is_refused_while_the_first_runs(published, tmp_path):
     _, scan, _ = published
     (tmp_path / "site" / "places").mkdir(parents=True)
     with alone(tmp_path / "site"):
-        done = publish(scan, "--out", tmp_path / "site", "--view", "filled", "--places", "1")
+        done = publish(scan, "--out", tmp_path / "site", "--view", "filled", "--at", "1")
     assert done.returncode == 2 and done.stderr.splitlines()[-1].count("another publication is being written") == 1
     assert not (tmp_path / "site" / "index.html").exists() and not list((tmp_path / "site" / "places").iterdir())
 
 
 def test_several_files_have_an_index_page_that_leads_to_the_places(tmp_path):
     files = [room(tmp_path / f"{name}.laz", seed) for seed, name in enumerate("ab")]
-    arguments = "--out", tmp_path / "site", "--view", "filled", "--places", "1", "--face-size", "512", "--second", "none"
+    old_names = "--places", "1", "--face-size", "512"
+    arguments = "--out", tmp_path / "site", "--view", "filled", *old_names, "--second", "none"
     done = publish(*files, *arguments)
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "overview.html").read_text("utf-8")

@@ -248,12 +248,17 @@ def test_the_example_in_the_documentation_runs():
 def test_a_scan_publishes_itself_as_the_command_does(tmp_path, seed):
     write_ply(tmp_path / "room.ply", *unpack(room(seed, 20_000))[:2])
     with pointglass.open(tmp_path / "room.ply") as scan:
-        assert scan.publish(tmp_path / "python", places=1, view="filled", title="Room") == 1
+        assert scan.publish(tmp_path / "python", at=1, view="filled", title="Room") == 1
         (tmp_path / "thesis.txt").write_text("")
-        for folder, view in ((tmp_path, "filled"), (tmp_path / "new", "raw")):
-            with pytest.raises(pointglass.InputError, match=r"other files|view"):
-                scan.publish(folder, view=view)
-    command = ["publish", str(tmp_path / "room.ply"), "--out", str(tmp_path / "command"), "--view", "filled", "--places", "1",
+        new = tmp_path / "new"
+        for folder, given, said in ((tmp_path, {}, "other files"), (3.5, {}, "3.5: expected the path"),
+                                    (new, {"title": 5}, "title 5: expected a text"), (new, {"at": 1.5}, "at '1.5': expected"),
+                                    (new, {"places": []}, "at "), (new, {"size": 500}, "size 500: "),
+                                    (new, {"size": [2]}, "size "), (new, {"view": {}}, "view "), (new, {"view": "x"}, "view 'x'")):
+            with pytest.raises(pointglass.InputError, match=said):
+                scan.publish(folder, **{"view": "filled", **given})
+        assert not new.exists()
+    command = ["publish", str(tmp_path / "room.ply"), "--out", str(tmp_path / "command"), "--view", "filled", "--at", "1",
                "--title", "Room"]
     assert main(command) == 0
     mine, its = (sorted(file for file in (tmp_path / name).rglob("*") if file.is_file()) for name in ("python", "command"))

@@ -193,20 +193,28 @@ class Scan(BesideMeshes, ScanOutputs):
         finally:
             self._busy.release()
 
-    def publish(self, folder: PathLike, *, places: int | str = "auto", view: str = "neural", title: str = "") -> int:
+    def publish(self, folder: PathLike, *, at: int | PathLike = "auto", view: str = "neural", size: int = 1024,
+                title: str = "", places: int | PathLike | None = None) -> int:
         """Writes a folder whose index.html shows panoramas in any browser, as ``pointglass publish``; returns how many places.
 
-        places: at most so many planned ones, or auto or stations.  title: of the page; "": the scan's name.
-        Raises InputError, one line, where the folder holds other files or another publication is being written into it.
+        at: at most so many planned places, "stations", "auto" (stations where they are known, else planned), or a camera file,
+        of whose cameras the positions are taken.  size: 512, 1024 or 2048 pixels of a side of the six pictures around a place.
+        title: of the page; "": the scan's name.  places: another name of ``at``.
+        Raises InputError, one line, where the folder holds other files or another publication is being written into it, and
+        for the first argument of a wrong kind.
         """
         from .publish_folder import publish_folder
+
+        if not isinstance(title, str):
+            raise InputError("expected a text", option="title", value=title)
 
         scene = self._open
         with python_names(), self._turn():
             context, renderer = self._drawing or self._begin(scene)
             with context:
                 named = title or self._name.rpartition(".")[0]
-                return publish_folder(scene, renderer, path_of(folder), places, view, named, prepare_network)
+                return publish_folder(scene, renderer, path_of(folder), at if places is None else places, view, size, named,
+                                      prepare_network)
 
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.

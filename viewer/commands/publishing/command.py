@@ -8,13 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...common.errors import InputError
 from ...common.text import bytes_text, counted, with_whole_characters
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ...preprocess.scan_description import ScanWarning, WarningTopic
+from ...work.cameras.camera_files import KNOWN_CAMERAS
 from ..neural_setup import check_weights
 from ..options import memory_of
 from ..workers_option import add_workers, workers_of
+from .place_choice import PLANNED, parse_places
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -28,8 +31,6 @@ _log = logging.getLogger(__name__)
 
 SIDES = (512, 1024, 2048)
 """Pixels of a cube's face."""
-VIEWS_SHOWN = "filled", "neural"
-"""In the others there are holes."""
 _SECOND = [name for name, view in VIEWS.items() if "network" not in view.passes]
 
 
@@ -37,16 +38,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options besides scans, settings and memory."""
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help="a new or empty folder, or an earlier publication; open index.html in it with a browser")
-    parser.add_argument("--places", default="auto", metavar="N|viewpoints|stations",
-                        help="where panoramas are made: at most N planned places from which every surface is seen, the "
-                             "project's viewpoints, or the scanner positions (default: scanner positions where known, else "
-                             "viewpoints, else planned)")
-    parser.add_argument("--face-size", type=int, choices=SIDES, default=1024,
+    parser.add_argument("--at", "--places", default="auto", metavar="auto|stations|viewpoints|FILE|N",
+                        help="where panoramas are made: stations: the scanner positions; viewpoints: those of the project; FILE: "
+                             f"where its cameras stand ({KNOWN_CAMERAS}); N: at most N planned places from which every "
+                             "surface is seen; auto: the stations where they are known, else the viewpoints, else at most "
+                             f"{PLANNED} planned places (default auto)")
+    parser.add_argument("--size", "--face-size", type=int, choices=SIDES, default=1024,
                         help="pixels of a side of the six pictures around a place (default 1024)")
-    parser.add_argument("--second", choices=[*_SECOND, "none"], default="raw",
-                        help="a second view, shown beside the first by a handle (default raw)")
+    parser.add_argument("--second", choices=[*_SECOND, "none"],
+                        help="a second view, shown beside the first by a handle (default: raw, none where the first is raw)")
     add_workers(parser, "places")
     parser.add_argument("--title", default="", metavar="TEXT", help="of the page (default: the name of the scan or project)")
+
+
+def second_view(view: str, asked: str | None = None) -> str | None:
+    """The view beside ``view``, None for none.  asked: of the option.  Raises InputError where it is the same."""
+    if asked == view:
+        raise InputError("is the first view already", option="--second", value=asked, remedy="give another view, or none")
+    return None if asked == "none" or (asked is None and view == "raw") else asked or "raw"
 
 
 def _warn(text: str) -> None:
@@ -92,15 +101,15 @@ class _Places:
 
 def run(options: argparse.Namespace, settings: Settings) -> int:
     """The command.  Returns the exit code.  Raises PointglassError."""
-    from .places import chosen_places, parse_places
+    from .places import chosen_places
     from .publication import Form, Publication, check_folder
 
-    wanted, workers = parse_places(options.places), workers_of(options)
+    wanted, workers = parse_places(options.at), workers_of(options)
     check_folder(options.out)
     from ...work.project import is_project
     from ..open_project import opened
 
-    form = Form(side=options.face_size, second=None if options.second == "none" else options.second)
+    form = Form(side=options.size, second=second_view(settings.view, options.second))
 
     def publication(scene: "Scene", document: "Document") -> Publication:
         places = chosen_places(scene, document, wanted)

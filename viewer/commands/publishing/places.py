@@ -1,4 +1,4 @@
-"""The places of a publication: scanner positions, viewpoints of the project, or places planned over the scan.
+"""The places of a publication: scanner positions, viewpoints, cameras of a file, or places planned over the scan.
 
 Frame: file coordinates, float64.
 """
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.errors import InputError, Option
-from ...common.text import whole_number, with_whole_characters
+from ...common.text import with_whole_characters
 from ...work.places.free_places import free_places
 from ...work.places.planned.covering_places import covering_places
 from ...work.places.planned.human_scale import metre_of
@@ -20,16 +20,14 @@ from ...work.places.start_view import standing_view
 from ...work.places.up_axis import turned, upright_axes
 from ...work.places.walk_map import build_walk_map
 from ...work.selection import Selection
+from .place_choice import MOST, PLANNED
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
+    from ...picture.camera import Camera
     from ...work.document import Document
+    from .place_choice import PlaceChoice
 
-CHOICES = ("auto", "stations", "viewpoints")
-PLANNED = 12
-"""Places that are planned where no number is given, at most."""
-MOST = 500
-"""Places of a publication: its plan and lists are read by people."""
 _FREE = 240
 """Places that are looked at where no floor is known, at each height."""
 _SAME = 0.05
@@ -55,34 +53,26 @@ class Place:
     around: bool = False
 
 
-def parse_places(text: str) -> str | int:
-    """A key of CHOICES, or a number of places.  Raises InputError."""
-    if text in CHOICES:
-        return text
-    number = whole_number(text)
-    if not number or number > MOST:
-        raise InputError(f"expected {', '.join(CHOICES)} or a number of places from 1 to {MOST}", option="--places", value=text)
-    return number
-
-
-def chosen_places(scene: "Scene", document: "Document", wanted: str | int) -> list[Place]:
-    """The places, at least one.  wanted: as of :func:`parse_places`; auto: the scanner positions where they are known, else the
-    project's viewpoints, else planned ones.  Raises InputError where there are none of the kind asked for, or more than
-    MOST."""
+def chosen_places(scene: "Scene", document: "Document", wanted: "PlaceChoice") -> list[Place]:
+    """The places, at least one.  wanted: as of parse_places; auto: the scanner positions where they are known, else the
+    project's viewpoints, else planned ones; cameras: in file coordinates.  Raises InputError where there are none of the kind
+    asked for, or more than MOST."""
     found: list[Place] = []
     if wanted in ("stations", "auto"):
         found = _stations(scene, document)
         if not found and wanted == "stations":
-            raise InputError("no scanner positions are known of this scan", option="--places", value=wanted,
-                             remedy="give viewpoints or a number")
+            raise InputError("no scanner positions are known of this scan", option="--at", value=wanted,
+                             remedy="give viewpoints, a camera file or a number")
     if wanted == "viewpoints" or (wanted == "auto" and not found):
         found = _viewpoints(document, scene)
         if not found and wanted == "viewpoints":
-            raise InputError("no viewpoints are kept in this project", option="--places", value=wanted,
-                             remedy="keep some in the window (K), or give stations or a number")
+            raise InputError("no viewpoints are kept in this project", option="--at", value=wanted,
+                             remedy="keep some in the window (K), or give stations, a camera file or a number")
+    if isinstance(wanted, tuple):
+        found = _cameras(wanted, document, scene)
     found = found or _planned(scene, document, wanted if isinstance(wanted, int) else PLANNED)
     if len(found) > MOST:
-        raise InputError((f"{len(found):,} places, at most {MOST} are published; give a number to ", Option("--places")))
+        raise InputError((f"{len(found):,} places, at most {MOST} are published; give a number to ", Option("--at")))
     return found
 
 
@@ -110,6 +100,14 @@ def _viewpoints(document: "Document", scene: "Scene") -> list[Place]:
         pose = np.array(view.camera_to_world)
         if _is_new(pose[:3, 3], found, _metre(scene)):
             found.append(Place(view.name, pose[:3, 3], _level(-pose[:3, 2], document.up), _metre(scene)))
+    return found
+
+
+def _cameras(cameras: "tuple[Camera, ...]", document: "Document", scene: "Scene") -> list[Place]:
+    found: list[Place] = []
+    for camera in cameras:
+        if camera.orthographic is None and _is_new(camera.position, found, _metre(scene)):
+            found.append(Place(camera.name, camera.position, _level(camera.forward, document.up), _metre(scene)))
     return found
 
 

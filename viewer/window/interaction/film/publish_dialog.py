@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....commands.publishing.places import PLANNED
+from ....commands.publishing.place_choice import PLANNED
 from ....commands.publishing.publication import Form, Publication, check_folder
 from ....common.errors import PointglassError
 from ....common.text import bytes_text, counted, left_text
