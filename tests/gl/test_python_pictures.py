@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -251,10 +252,12 @@ def test_a_scan_publishes_itself_as_the_command_does(tmp_path, seed):
         assert scan.publish(tmp_path / "python", at=1, view="filled", title="Room") == 1
         (tmp_path / "thesis.txt").write_text("")
         new = tmp_path / "new"
-        for folder, given, said in ((tmp_path, {}, "other files"), (3.5, {}, "3.5: expected the path"),
-                                    (new, {"title": 5}, "title 5: expected a text"), (new, {"at": 1.5}, "at '1.5': expected"),
-                                    (new, {"places": []}, "at "), (new, {"size": 500}, "size 500: "),
-                                    (new, {"size": [2]}, "size "), (new, {"view": {}}, "view "), (new, {"view": "x"}, "view 'x'")):
+        cases: list[tuple[Any, dict[str, Any], str]] = [
+            (tmp_path, {}, "other files"), (3.5, {}, "3.5: expected the path"), (new, {"title": 5}, "title 5: expected a text"),
+            (new, {"at": 1.5}, "at '1.5': expected auto"), (new, {"places": []}, "at "), (new, {"size": 500}, "size 500: "),
+            (new, {"size": [2]}, "size "), (new, {"view": {}}, "view "), (new, {"view": "x"}, "view 'x'"),
+        ]  # fmt: skip
+        for folder, given, said in cases:
             with pytest.raises(pointglass.InputError, match=said):
                 scan.publish(folder, **{"view": "filled", **given})
         assert not new.exists()

@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help="a new or empty folder, or an earlier publication; open index.html in it with a browser")
     parser.add_argument("--at", "--places", default="auto", metavar="auto|stations|viewpoints|FILE|N",
-                        help="where panoramas are made: stations: the scanner positions; viewpoints: those of the project; FILE: "
+                        help="where panoramas are made: stations: the scanner positions; viewpoints: the project's; FILE: "
                              f"where its cameras stand ({KNOWN_CAMERAS}); N: at most N planned places from which every "
                              "surface is seen; auto: the stations where they are known, else the viewpoints, else at most "
                              f"{PLANNED} planned places (default auto)")
