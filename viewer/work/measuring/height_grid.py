@@ -22,6 +22,7 @@ from ...common.progress import progress
 from ...picture.clip import Vector, vector
 from ..fits.measured import InBox
 from ..fits.surfaces import frame_of
+from .hanging_surfaces import hanging
 from .surface_heights import Grid, heights_of, volumes_of
 from .volume import Volume
 
@@ -37,10 +38,6 @@ _PARTS = 4
 """Parts of a cell's side, for the share of the cell inside the polygon."""
 _FEWEST = 30
 """Points of a volume at least."""
-_VOXEL, _VOXELS = 3.0, 10_000_000
-"""Side of the boxes in which surfaces hang together, in cells; the number of boxes at most."""
-_HANGING = 0.5
-"""Share of the area of a surface above another one from which on it hangs there."""
 
 
 def measured_volume(in_box: InBox, corners: np.ndarray, noise: np.ndarray, spacing: float, up: np.ndarray,
@@ -185,31 +182,6 @@ def _base(flat: np.ndarray, heights: np.ndarray, noise: np.ndarray, level: float
     scatter = np.sqrt((rest**2).sum() / free) if free > 0 and level is None else 0.0
     spread = float(np.sqrt((inverse[0] ** 2 * np.maximum(noise, scatter) ** 2).sum()))
     return np.pad(base, (0, 3 - len(base))), spread
-
-
-def hanging(cells: np.ndarray, above: np.ndarray, grid: Grid) -> np.ndarray:
-    """(n,) bool: points of surfaces that do not touch the base, and hang above another one for the most part."""
-    from scipy.ndimage import label
-
-    rows, columns = cells // grid.shape[1], cells % grid.shape[1]
-    low, side = float(above.min()), _VOXEL * grid.cell
-    shape = [int(n // _VOXEL) + 1 for n in grid.shape]
-    side = max(side, float(np.ptp(above)) * shape[0] * shape[1] / _VOXELS)
-    levels = np.floor((above - low) / side).astype(np.int64)
-    at = (rows // int(_VOXEL), columns // int(_VOXEL), levels)
-    there = np.zeros((shape[0] + 1, shape[1] + 1, int(levels.max()) + 1), bool)
-    there[at] = True
-    parts = np.asarray(label(there, np.ones((3, 3, 3)))[0], np.int64)  # type: ignore[reportIndexIssue]
-    count = int(parts.max())
-    if count < 2:
-        return np.zeros(len(cells), bool)
-    ground = int(np.floor(-low / side))
-    touching = np.zeros(count + 1, bool)
-    touching[np.unique(parts[:, :, max(ground - 1, 0) : max(ground + 2, 0)])] = True
-    lowest = np.where(there, np.arange(there.shape[2]), there.shape[2]).min(axis=2)
-    over = np.arange(there.shape[2]) > lowest[:, :, None]
-    share = np.bincount(parts[there], over[there], count + 1) / np.maximum(np.bincount(parts[there], minlength=count + 1), 1)
-    return (~touching & (share > _HANGING))[parts[at]]
 
 
 def _grid(flat: np.ndarray, cell: float) -> Grid:

@@ -13,7 +13,8 @@ import numpy as np
 from ...common.errors import InputError
 from ...common.progress import progress
 from ..fits.measured import InBox
-from .height_grid import Grid, hanging
+from .hanging_surfaces import hanging
+from .height_grid import Grid
 
 WIDTH = 4.0
 """Width of the strip in point spacings: about ten points a station."""
