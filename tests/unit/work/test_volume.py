@@ -171,7 +171,8 @@ def test_a_heap_without_measured_walls_is_measured_and_a_plate_over_the_ground_i
         ground = ground[~top] if kind == "heap" else ground[~top | few] if "shadow" in kind else ground
         raised = raised[top & few if kind == "sparse plate" else top]
         corners = 1.3 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0.0]])
-        found = measured_volume(in_cloud(np.concatenate([ground, raised]), np.zeros(3), MOST), corners, np.full(4, noise), 0.02, UP)
+        points = in_cloud(np.concatenate([ground, raised]), np.zeros(3), MOST)
+        found = measured_volume(points, corners, np.full(4, noise), 0.02, UP)
         truth = 4 * half**2 * tall
         if kind == "heap":
             assert abs(found.cut - truth) < 2 * found.cut_uncertainty < truth

@@ -52,12 +52,13 @@ def _hangs(cells: np.ndarray, beneath: np.ndarray, grid: Grid) -> bool:
     shape = np.array([rows.max(), columns.max()]) - low + 1
     mask = np.zeros(shape + 2 * margin, bool)
     mask[rows - low[0] + margin, columns - low[1] + margin] = True
-    mask = binary_closing(mask, _CLOSED)
-    inner = binary_erosion(mask, np.ones(np.minimum(3, 2 * np.array(grid.shape) - 1), bool))  # a profile is one cell wide
+    mask = np.asarray(binary_closing(mask, _CLOSED))
+    # a profile is one cell wide
+    inner = np.asarray(binary_erosion(mask, np.ones(np.minimum(3, 2 * np.array(grid.shape) - 1), bool)))
     inner = inner if inner.any() else mask  # a cable
     within = np.zeros(mask.shape)
     within[margin:-margin, margin:-margin] = beneath[low[0] : low[0] + shape[0], low[1] : low[1] + shape[1]]
-    around = uniform_filter(within * inner, len(_CLOSED), mode="constant") * _CLOSED.size
+    around = np.asarray(uniform_filter(within * inner, len(_CLOSED), mode="constant")) * _CLOSED.size
     return bool((around[inner] > _BENEATH - 0.5).mean() > _HANGING)
 
 
