@@ -5,6 +5,7 @@ import getpass
 import io
 import json
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,9 +17,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from pointglass.viewer.commands.publishing.coming_files import alone
 from pointglass.viewer.commands.publishing.cube_faces import face_cameras
 from pointglass.viewer.commands.publishing.depth_codes import DepthScale, unpacked_depth
-from pointglass.viewer.commands.publishing.publication import alone
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.camera import from_fov, look_at
@@ -168,27 +169,48 @@ def test_text_stays_text_and_nothing_tells_of_the_machine(published):
         assert (out / "places" / f"{number:03d}.first.js").stat().st_size < 1_500_000
 
 
-def test_a_run_that_was_stopped_leaves_whole_places_and_is_gone_on_with(published, tmp_path):
-    _, scan, _ = published
-    out = tmp_path / "site"
-    arguments = [str(scan), "--out", str(out), "--view", "filled", "--at", "9"]
-    running = subprocess.Popen([sys.executable, "-m", "pointglass.viewer", "publish", *arguments], stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 120
-    while not (out / "places" / "000.first.js").is_file():
-        assert running.poll() is None and time.monotonic() < end
-        time.sleep(0.02)
-    running.send_signal(signal.SIGINT)
-    assert running.wait(60) == 130
-    parts = sorted(file.name for file in (out / "places").iterdir())
-    whole = sorted(f"{number:03d}.{part}.js" for number in range(len(parts) // 4)
-                   for part in ("depth", "first", "full", "second"))
-    assert parts == whole
-    assert sorted(entry.name for entry in out.iterdir()) == ["places"]
-    times = {name: (out / "places" / name).stat().st_mtime_ns for name in parts}
-    done = publish(*arguments)
-    assert done.returncode == 0 and re.search(rf"{len(parts) // 4} kept", done.stdout), done.stdout + done.stderr
+def content(folder):
+    return {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_a_replacement_that_is_killed_or_stopped_leaves_the_publication_as_it_is(published, tmp_path, seed):
+    """Of another scan with other places.  The first run is killed, the next one stopped; the third one ends."""
+    shown, _, _ = published
+    out, coming = tmp_path / "site", tmp_path / "site" / "coming" / "places"
+    shutil.copytree(shown, out)
+    earlier, rng = content(shown), np.random.default_rng(seed)
+    other = room(tmp_path / "other.laz", 6, 200_000)
+    stands = EYE + OFFSET + np.array([[x, y, 0] for x in (-1.0, 0, 1) for y in (-0.8, 0.8)])
+    write_transforms(tmp_path / "six.json", [from_fov(64, 48, 50.0, look_at(at, at + (1, 0, 0)), f"{n}")
+                                              for n, at in enumerate(stands)])
+    line = [str(other), "--out", str(out), "--view", "filled", "--size", "512", "--at", str(tmp_path / "six.json")]
+
+    def stopped(number, by):
+        """Returns what it said, once its places with this number are there."""
+        command = [sys.executable, "-m", "pointglass.viewer", "publish", *line]
+        running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        end = time.monotonic() + 120
+        while not (coming / f"{number:03d}.first.js").is_file():
+            assert running.poll() is None and time.monotonic() < end
+            time.sleep(0.02)
+        time.sleep(0.3 * rng.random())
+        running.send_signal(by)
+        return running.communicate(timeout=60)[1], running.returncode
+
+    assert stopped(0, signal.SIGKILL) == ("", -signal.SIGKILL)
+    assert {name: data for name, data in content(out).items() if not name.startswith("coming/")} == earlier
+    said, code = stopped(1, signal.SIGINT)
+    assert code == 130 and {name: data for name, data in content(out).items() if not name.startswith("coming/")} == earlier
+    parts = sorted(file.name for file in coming.iterdir() if not file.name.startswith("."))
+    made = len(parts) // 4
+    assert parts == [f"{number:03d}.{part}.js" for number in range(made) for part in ("depth", "first", "full", "second")]
+    assert f"{made} of 6 places stay in {coming.parent}, and the same command goes on from there; {out} shows the" in said
+    times = {name: (coming / name).stat().st_mtime_ns for name in parts}
+    done = publish(*line)
+    assert done.returncode == 0 and re.search(rf"{made} kept", done.stdout), done.stdout + done.stderr
     assert times == {name: (out / "places" / name).stat().st_mtime_ns for name in parts}
-    again = publish(*arguments[:-1], "1")  # fewer places: what is left over goes
+    assert not (out / "coming").exists() and not (out / "notes").exists() and len(list((out / "places").iterdir())) == 24
+    again = publish(*line[:-1], "1")  # fewer places: what is left over goes
     assert again.returncode == 0 and len(list((out / "places").iterdir())) == 4
 
 
@@ -223,11 +245,11 @@ def test_cameras_of_a_file_are_places_in_any_view(published, tmp_path):
 
 def test_a_second_publication_into_one_folder_is_refused_while_the_first_runs(published, tmp_path):
     _, scan, _ = published
-    (tmp_path / "site" / "places").mkdir(parents=True)
+    (tmp_path / "site").mkdir()
     with alone(tmp_path / "site"):
         done = publish(scan, "--out", tmp_path / "site", "--view", "filled", "--at", "1")
     assert done.returncode == 2 and done.stderr.splitlines()[-1].count("another publication is being written") == 1
-    assert not (tmp_path / "site" / "index.html").exists() and not list((tmp_path / "site" / "places").iterdir())
+    assert not list((tmp_path / "site").iterdir())
 
 
 def test_several_files_have_an_index_page_that_leads_to_the_places(tmp_path):

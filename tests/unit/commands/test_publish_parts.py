@@ -1,6 +1,7 @@
 """Parts of a publication: depth as codes, places that see every surface, text that stays text, a page built from its
 sources."""
 
+import contextlib
 import hashlib
 import json
 import shutil
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.cli import main
+from pointglass.viewer.commands.publishing.coming_files import ComingFiles
 from pointglass.viewer.commands.publishing.data_scripts import comment_of, script
 from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
 from pointglass.viewer.commands.publishing.measured_data import measurements_data
@@ -216,3 +218,38 @@ def test_only_views_without_holes_are_offered(capsys):
     with pytest.raises(SystemExit):
         main(["publish", "--help"])
     assert "--view {filled,neural}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_run(tmp_path, monkeypatch):
+    """The old publication has notes, the new one an overview instead.  Killed before the first rename, that of the list of what
+    is new, nothing is replaced."""
+    for killed in range(12):
+        coming = ComingFiles(tmp_path / str(killed), ("places", "notes", "scene.js", "overview.html", "index.html"))
+        out = coming.out
+        for folder in (coming.places, out / "places", out / "notes"):
+            folder.mkdir(parents=True)
+        for file in (coming.places / "000.first.js", coming.folder / "scene.js", coming.folder / "overview.html",
+                     coming.folder / "index.html"):
+            file.write_text("new")
+        for file in (out / "places" / "000.first.js", out / "places" / "001.first.js", out / "notes" / "0", out / "index.html"):
+            file.write_text("old")
+        (coming.places / "007.first.js").write_text("of an earlier run")
+        left, replace = [killed], Path.replace
+
+        def counted(path, target, left=left, replace=replace):
+            left[0] -= 1
+            if left[0] < 0:
+                raise KeyboardInterrupt
+            return replace(path, target)
+
+        monkeypatch.setattr(Path, "replace", counted)
+        with contextlib.suppress(KeyboardInterrupt):
+            coming.replace(["000.first.js"], ["scene.js", "overview.html", "index.html"])
+        monkeypatch.undo()
+        with coming.opened(("first",), 1):
+            pass
+        found = {str(file.relative_to(out)): file.read_text() for file in out.rglob("*") if file.is_file()}
+        names = ["index.html", "overview.html", "places/000.first.js", "scene.js"]
+        old = dict.fromkeys(["index.html", "notes/0", "places/000.first.js", "places/001.first.js"], "old")
+        assert found == (dict.fromkeys(names, "new") if killed else old | {"coming/places/000.first.js": "new"})
+    assert left[0] > 0  # the last one was not killed

@@ -9,14 +9,14 @@
     places/000.second.js           the small pictures in another view
     notes/000.picture.js           the picture attached to a note
 
-The files of one place appear together; index.html is written last.  A folder of a run that was stopped is gone on with.
+All of them are made in ``coming/`` and replace those of an earlier publication at the end, all at once (coming_files.py); the
+files of one place appear there together, and the next run goes on with those of a run that was stopped.
 Neither paths nor names of the machine are written: only what a person called things.
 """
 
 import contextlib
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
-from ....model.common.system import locked
 from ... import __version__
 from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
@@ -37,6 +36,7 @@ from ...picture.edits import Edits
 from ...picture.json_values import to_json
 from ...picture.point_sets import NO_POINTS
 from ...picture.spec import PictureSpec
+from .coming_files import NAME, ComingFiles
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
 from .depth_codes import packed_depth
@@ -55,6 +55,8 @@ PAGE = Path(__file__).parent / "page"
 """The page as it is copied; built from web/ by `make web`."""
 PAGE_FILES = ("page.css", "page.js", "index.html")
 OVERVIEW = "overview.html"
+ENTRIES = ("places", "notes", "scene.js", OVERVIEW, *PAGE_FILES)
+"""All that may be in the folder of a publication."""
 _FORMAT = 1
 """Of the data; a folder of another format is made anew."""
 _FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY = 86, 90, 70
@@ -102,7 +104,7 @@ class Publication:
         if self.document.comparison is not None:
             problem("the comparison of two dates that the project shows is not part of a publication: its pages show the scans")
         attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
-        with out_folder(self.out / "places"), alone(self.out):
+        with self._coming.opened(self._parts, len(self.places)):
             finished = [self._finished(number) for number in range(len(self.places))]
             missing = [number for number, record in enumerate(finished) if record is None]
             with closing(run_tasks(make, missing, workers, label="publishing", unit="place",
@@ -114,12 +116,13 @@ class Publication:
             data |= {"format": _FORMAT, "side": self.form.side, "small": self.form.small, "stride": FIRST_STRIDE,
                      "second": self.form.second, "sizes": sizes}
             if note_files:
-                with out_folder(self.out / "notes"):
-                    write_together(self.out / "notes", {
+                with out_folder(self._coming.folder / "notes"):
+                    write_together(self._coming.folder / "notes", {
                         name: lambda path, data=data: path.write_bytes(data) for name, data in note_files.items()
                     })
-            self._write_page(script("scene", data))
-            self._remove_left_over(set(note_files))
+            page = self._write_page(script("scene", data))
+            places = [self._file(number, part).name for number in range(len(records)) for part in self._parts]
+            self._coming.replace(places, [*page, *(["notes"] if note_files else [])])
         return len(missing), sum(file.stat().st_size for file in self.out.rglob("*") if file.is_file())
 
     def write_place(self, number: int, renderer: "Renderer", composer: "Composer") -> dict[str, Any]:
@@ -140,8 +143,12 @@ class Publication:
     def _parts(self) -> tuple[str, ...]:
         return PARTS if self.form.second is not None else PARTS[:-1]
 
+    @property
+    def _coming(self) -> ComingFiles:
+        return ComingFiles(self.out, ENTRIES)
+
     def _file(self, number: int, part: str) -> Path:
-        return self.out / "places" / f"{number:03d}.{part}.js"
+        return self._coming.places / f"{number:03d}.{part}.js"
 
     @property
     def _edits(self) -> Edits:
@@ -166,9 +173,18 @@ class Publication:
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
     def _finished(self, number: int) -> dict[str, Any] | None:
-        """The record of a place whose files are there and were made of the same."""
-        made_of = self._digest(self.places[number])
+        """The record of a place whose files are there and were made of the same, by a run that was stopped or in the present
+        publication, from which they are taken over."""
         files = [self._file(number, part) for part in self._parts]
+        if (record := self._record(number, files)) is not None:
+            return record
+        record = self._record(number, [self.out / "places" / file.name for file in files])
+        for file in files if record is not None else ():
+            self._coming.keep(file.name)
+        return record
+
+    def _record(self, number: int, files: list[Path]) -> dict[str, Any] | None:
+        made_of = self._digest(self.places[number])
         if not all(file.is_file() for file in files):
             return None
         try:
@@ -196,11 +212,12 @@ class Publication:
         if faces.second is not None:
             values["second"] = {"pictures": pictures(faces.second, _SECOND_QUALITY)}
         files = {part: script(f"{number}.{part}", value, json.dumps(record)) for part, value in values.items()}
-        write_together(self.out / "places", {
+        write_together(self._coming.places, {
             self._file(number, part).name: lambda path, data=data: path.write_bytes(data) for part, data in files.items()
         })
 
-    def _write_page(self, scene_script: bytes) -> None:
+    def _write_page(self, scene_script: bytes) -> list[str]:
+        """Returns the names of its files."""
         from html import escape
 
         files = {"scene.js": scene_script, **{name: (PAGE / name).read_bytes() for name in PAGE_FILES}}
@@ -208,23 +225,11 @@ class Publication:
             from .overview_page import overview_page
 
             page = overview_page(self.scene, self.title, edits=self._edits, up=self.document.up, places=self.places)
-            write_atomic(self.out / OVERVIEW, lambda path: path.write_text(page, "utf-8"))
-        else:
-            (self.out / OVERVIEW).unlink(missing_ok=True)
+            files[OVERVIEW] = page.encode("utf-8")
         files["index.html"] = files["index.html"].replace(b"{{title}}", escape(self.title).encode("utf-8", "replace"))
-        for name, data in files.items():  # index.html last: a folder without it is not finished
-            write_atomic(self.out / name, lambda path, data=data: path.write_bytes(data))
-
-    def _remove_left_over(self, notes: set[str]) -> None:
-        """Files of places and notes that an earlier publication in this folder had."""
-        kept = {self._file(number, part) for number in range(len(self.places)) for part in self._parts}
-        found = [file for part in PARTS for file in self.out.glob(f"places/[0-9][0-9][0-9].{part}.js") if file not in kept]
-        found += [file for file in self.out.glob("notes/[0-9]*.picture.js") if file.name not in notes]
-        for file in found:
-            file.unlink()
-        if not notes:
-            with contextlib.suppress(OSError):
-                (self.out / "notes").rmdir()
+        for name, data in files.items():
+            write_atomic(self._coming.folder / name, lambda path, data=data: path.write_bytes(data))
+        return list(files)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,31 +259,13 @@ class _Overlapped:
                     before.pop().result()
 
 
-@contextlib.contextmanager
-def alone(out: Path) -> Iterator[None]:
-    """Keeps other publications out of the folder, which is there with its ``places``, until the block ends or the process does.
-    Raises InputError where one is being written."""
-    try:
-        held = locked(out / "places")
-    except BlockingIOError:
-        raise InputError("another publication is being written into this folder", file=out,
-                         remedy=("wait for it, or choose another ", Option("--out"))) from None
-    except OSError as error:
-        raise InputError(f"cannot be opened ({error.strerror or error})", file=out / "places") from None
-    try:
-        yield
-    finally:
-        if held is not None:
-            os.close(held)
-
-
 def check_folder(out: Path) -> None:
     """Raises InputError where something other than a publication is in the folder."""
     if not out.exists():
         return
     if not out.is_dir():
         raise InputError("a file has this name", file=out, remedy=("choose another ", Option("--out")))
-    ours = {"places", "notes", "scene.js", OVERVIEW, *PAGE_FILES}
+    ours = {NAME, *ENTRIES}
     other = next((entry.name for entry in out.iterdir() if entry.name not in ours and not entry.name.startswith(".")), None)
     if other is not None:
         raise InputError(f"holds other files ({other})", file=out, remedy="give a new or empty folder, or one of publish")
