@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 from driver import SIZE, Driver
@@ -26,16 +27,16 @@ def check_real_key_press(d: Driver) -> None:
     d.settle()
     assert not d.session.help
     subprocess.run(["xdotool", "key", "F1"], check=True, timeout=10)
-    d.until(lambda: d.session.help, 5.0)
+    d.until(lambda: d.session.help)
     subprocess.run(["xdotool", "key", "Escape"], check=True, timeout=10)
-    d.until(lambda: not d.session.help, 5.0)
+    d.until(lambda: not d.session.help)
     start = d.session.camera.position.copy()
     subprocess.run(["xdotool", "keydown", "w"], check=True, timeout=10)
     try:
-        d.until(lambda: np.linalg.norm(d.session.camera.position - start) > 0.05, 5.0)
+        d.until(lambda: np.linalg.norm(d.session.camera.position - start) > 0.05)
     finally:
         subprocess.run(["xdotool", "keyup", "w"], check=True, timeout=10)
-    d.until(lambda: not d.session.flight.state.moving, 5.0)
+    d.until(lambda: not d.session.flight.state.moving)
 
 
 def check_neural_view(d: Driver) -> None:
@@ -120,3 +121,32 @@ def check_ctrl_c_in_what_glfw_calls_back_stops_the_window(d: Driver) -> None:
 
 def check_no_gl_error_is_left(d: Driver) -> None:
     assert d.app.context.error == "GL_NO_ERROR"
+
+
+def check_a_key_is_answered_over_the_last_picture_before_the_next_is_made(d: Driver) -> None:
+    d.key("2")
+    d.rest()
+    shown, order, viewport, session = d.canvas(), [], d.app.viewport, d.session
+    paint, to_screen = viewport.paint, viewport.canvas.to_screen
+    answers = []
+
+    def followed() -> None:
+        order.append("screen")
+        answers.append(viewport.canvas.read())
+        to_screen()
+
+    viewport.canvas.to_screen, viewport.paint = followed, lambda: (order.append("picture"), paint())
+    session.picture.cost = replace(session.picture.cost, total_ms=200.0)  # as on a slow machine
+    try:
+        for action in (d.glfw.PRESS, d.glfw.RELEASE):  # another view, and the help page over it
+            for name in ("3", "F1"):
+                key = getattr(d.glfw, f"KEY_{name}")
+                d.app.input.on_key(d.app.window, key, d.glfw.get_key_scancode(key), action, 0)
+        d.app.step(wait=False)
+    finally:
+        viewport.paint, viewport.canvas.to_screen = paint, to_screen
+    assert order == ["screen", "picture", "screen"], order
+    assert session.help and not np.array_equal(answers[0], shown), "the help page is there"
+    corner = np.s_[150:350, 560:635]  # of the picture, beside the page and below the buttons
+    assert np.array_equal(answers[0][corner], shown[corner]) and not np.array_equal(answers[1][corner], shown[corner])
+    d.key("F1")

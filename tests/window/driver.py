@@ -145,7 +145,7 @@ class Driver:
         for _ in range(steps):
             self.app.step(wait=False)
 
-    def until(self, condition, seconds: float = 20.0) -> None:
+    def until(self, condition, seconds: float = 90.0) -> None:
         """Runs the window's own loop, which sleeps and draws nothing where nothing happens: a worker keeps the processors."""
         from pointglass.viewer.window.shell import app
 

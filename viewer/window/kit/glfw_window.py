@@ -2,6 +2,8 @@
 
 import os
 
+import numpy as np
+
 from ...common.errors import DeviceError
 
 _LEAST_SIZE = (320, 200)
@@ -36,3 +38,9 @@ def make_window(glfw, size: tuple[int, int]):
         raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason})", remedy="see `pointglass doctor`")
     return window
 
+
+def screen_scale(glfw, window) -> float:
+    """Logical pixels per design unit (kit.theme) that the screen asks for, less what the framebuffer brings."""
+    width, drawn = glfw.get_window_size(window)[0], glfw.get_framebuffer_size(window)[0]
+    ratio = drawn / width if width and drawn else 1.0
+    return float(np.clip(glfw.get_window_content_scale(window)[0] / ratio, 0.75, 4.0))

@@ -41,6 +41,12 @@ class WindowArea:
         """Seconds until the picture's size counts as settled; not above 0: it has."""
         return self._resized + _SETTLE_SECONDS - self._clock()
 
+    def place_of(self, size: tuple[int, int]) -> tuple[int, int, int, int]:
+        """Left, top, width, height, framebuffer pixels, of a picture of ``size``.  One of a former size keeps its scale and its
+        middle until the next is made: a camera's field of view is that of the height, which folding a panel leaves."""
+        (left, top), (width, height) = self.origin, self.size
+        return left + (width - size[0]) // 2, top + (height - size[1]) // 2, *size
+
     def resize(self, size: tuple[int, int]) -> bool:
         """The framebuffer's size in pixels; (0, 0) while minimised.  The picture has all of it until :meth:`arrange`.
 

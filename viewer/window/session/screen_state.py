@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from ...picture.camera import Camera
 from ...picture.spec import PictureSpec
 from ..flight.flight import Flight
 from ..planning.picture_plan import Plan, RefinementState
@@ -18,6 +19,11 @@ class ScreenState:
         self._picture, self._view_settings, self._flight = picture, view_settings, flight
         self._shown_scan, self._area = shown_scan, area
         self._spec = spec
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the picture on the screen; of the one asked for where there is none."""
+        return (self._picture.spec or self._spec()).camera
 
     @property
     def plan(self) -> Plan:

@@ -13,8 +13,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ....model.common.process.interrupts import finish_before_interrupt
 from ...picture.settings import MEMORY, Memory, Settings
 from ...readers.remote.address import is_address
@@ -26,7 +24,7 @@ from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
 from ..kit.chosen_button import ChosenButton
 from ..kit.clipboard import SystemClipboard
-from ..kit.glfw_window import make_window
+from ..kit.glfw_window import make_window, screen_scale
 from ..panels.missing_scans import MissingScansDialog
 from ..panels.start_page import StartPage
 from ..saving.save_actions import SaveActions
@@ -36,6 +34,7 @@ from ..session.recent import last_view
 from ..session.session import Session
 from ..viewport.viewport import Viewport
 from .actions import WindowActions
+from .answers import Answers
 from .input import Input
 from .interface import draw_interface
 
@@ -98,6 +97,7 @@ class App:
         self.tools.save_project, self.tools.open_scans = self.projects.save, self.open
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
         self.last_view, self.actions = last_view, WindowActions(self)
+        self.answers = Answers()
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
@@ -151,12 +151,7 @@ class App:
 
     def interface_scale(self) -> float:
         """Logical pixels per design unit (kit.theme): the screen's scale, less what the framebuffer already brings."""
-        if self._scale is not None:
-            return self._scale
-        glfw = self.glfw
-        width, drawn = glfw.get_window_size(self.window)[0], glfw.get_framebuffer_size(self.window)[0]
-        ratio = drawn / width if width and drawn else 1.0
-        return float(np.clip(glfw.get_window_content_scale(self.window)[0] / ratio, 0.75, 4.0))
+        return screen_scale(self.glfw, self.window) if self._scale is None else self._scale
 
     def wake(self) -> None:
         """Draws the interface for a few frames: something happened."""
@@ -263,6 +258,9 @@ class App:
         self._measure_density()
         session.arrange(self.theme.scale)
         painted: float | None = None
+        if session.screen.needs_picture and self.answers.come_first(session.picture):
+            self._draw()
+            session.arrange(self.theme.scale)  # a panel may be folded now
         if session.screen.needs_picture:
             self.viewport.paint()
             painted = perf_counter()
@@ -277,7 +275,6 @@ class App:
             self._draw()
             if len(self.imgui.get_current_context().input_events_queue):  # imgui takes a key or two a frame
                 self._settle = max(self._settle, 1)
-            glfw.swap_buffers(self.window)
             if painted is not None and session.flight.moving and self.viewport.shares_processors:
                 session.picture.adaptive_lod.spent_outside((perf_counter() - painted) * 1e3)
 
@@ -292,10 +289,14 @@ class App:
         self.viewport.upload(loaded)
 
     def _draw(self) -> None:
-        """Draws the picture and the interface on the canvas, and copies that to the screen."""
+        """Draws the last picture and the interface on the canvas, and shows that on the screen."""
         canvas = self.viewport.show()
+        if self.answers.begun:
+            draw_interface(self, shown=False)
         draw_interface(self)
         canvas.to_screen()
+        self.glfw.swap_buffers(self.window)
+        self.answers.drawn()
 
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""

@@ -15,6 +15,7 @@ from ..interaction.toolbox import Toolbox
 from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping
+from .answers import Answers
 from .keyboard import Keyboard
 from .list_keys import list_is_open
 from .text_ahead import TextAhead
@@ -39,6 +40,7 @@ class Host(Protocol):
     theme: "Theme"
     toolbox: Toolbox
     tools: ToolContext
+    answers: Answers
 
     @property
     def asking(self) -> bool: ...  # whether a question or a file dialog is open that takes all keys
@@ -94,6 +96,7 @@ class Input:
         host = self._host
         glfw = host.glfw
         host.wake()
+        host.answers.note()
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods, key, action)
@@ -213,6 +216,7 @@ class Input:
         host = self._host
         glfw, session = host.glfw, host.session
         host.wake()
+        host.answers.note()
         if action == glfw.PRESS:
             session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods)
@@ -271,6 +275,7 @@ class Input:
     def on_scroll(self, _window, dx: float, dy: float) -> None:
         host = self._host
         host.wake()
+        host.answers.note()
         host.imgui.backends.glfw_scroll_callback(host.address, dx, dy)
         if not host.imgui.get_io().want_capture_mouse and host.session.scene is not None:
             self._tool("wheel", notches=dy)

@@ -104,9 +104,10 @@ def _draw(app: Host, *, shown: bool) -> None:
 def _overlays(app: Host) -> None:
     """Draws the overlays and the selected tool's marks over the picture."""
     session = app.session
-    left, top, width, height = (length / session.area.density for length in (*session.area.origin, *session.area.size))
-    area = (left, top, width, height)
-    overlay = OverlayCanvas(app.imgui.get_background_draw_list(), session.camera, app.theme, area)
+    camera = session.screen.camera  # the marks belong to the picture that they are drawn over
+    place = session.area.place_of((camera.width, camera.height))
+    left, top, width, height = (length / session.area.density for length in place)
+    overlay = OverlayCanvas(app.imgui.get_background_draw_list(), camera, app.theme, (left, top, width, height))
     try:
         app.toolbox.draw(overlay, app.tools)
     finally:

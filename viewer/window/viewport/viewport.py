@@ -265,14 +265,15 @@ class Viewport:
             if self.canvas is not None:
                 self.canvas.release()
             self.canvas = Canvas(self.context, self._programs, session.area.window_size)
-        area = (*session.area.origin, *session.area.size)
+        camera = session.screen.camera
         if self.sides.frames:
             sides = self.sides.textures()
         else:
             shown = zip(self._shown, self._asked, strict=True) if self.frame is not None else ()
             sides = [self._developed(view, wait=session.flight.moving, moved=view != asked) for view, asked in shown]
-        column = split_column(chosen.split_at, session.area.size[0])
-        self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
+        column = split_column(chosen.split_at, camera.width)
+        self.canvas.show(*(sides or [None]), column=column, background=chosen.background,
+                         area=session.area.place_of((camera.width, camera.height)))
         return self.canvas
 
     def _developed(self, view: str, *, wait: bool = True, moved: bool = False) -> "moderngl.Texture":
@@ -283,8 +284,7 @@ class Viewport:
         made = self._composer.texture(self._moved_frame or self.frame if moved else self.frame, view, spec)
         if photo is None or self.renderer is None or spec.camera.orthographic is not None:
             return made
-        return self.photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene,
-                                 wait=wait)
+        return self.photos.over(self.frame, view, made, spec.camera, photo, self.renderer.scene, wait=wait)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""

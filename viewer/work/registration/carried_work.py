@@ -40,9 +40,10 @@ def carried(document: Document, motion: Rows, of_it: Callable[[str], bool]) -> C
     measurements, annotations = [], []
     for made in document.measurements:
         points = tuple(_point(point, motion) if of_it(point.scan) else point for point in made.points)
-        follows = points != made.points and made.volume is None and made.profile is None
+        of_scan = any(of_it(point.scan) for point in made.points)  # also one that lies where the scan is turned about
+        follows = of_scan and made.volume is None and made.profile is None
         moved += follows
-        left += not follows and (points != made.points or any(not point.scan for point in made.points))
+        left += not follows and (of_scan or any(not point.scan for point in made.points))
         measurements.append(replace(made, points=points) if follows else made)
     for note in document.annotations:
         follows = bool(note.scan) and of_it(note.scan)
