@@ -150,3 +150,20 @@ def check_a_key_is_answered_over_the_last_picture_before_the_next_is_made(d: Dri
     corner = np.s_[150:350, 560:635]  # of the picture, beside the page and below the buttons
     assert np.array_equal(answers[0][corner], shown[corner]) and not np.array_equal(answers[1][corner], shown[corner])
     d.key("F1")
+
+
+def check_an_open_question_takes_all_keys(d: Driver) -> None:
+    from pointglass.viewer.window.kit.notices import Answer
+
+    d.rest()
+    given, session = [], d.session
+    before = session.camera.position.copy(), session.view_settings.sides, d.app.toolbox.active, session.interface
+    session.notices.ask("Go on?", "A question", (Answer("Go on", lambda: given.append("on")), Answer("Stop", lambda: None)))
+    d.settle()
+    subprocess.run(["xdotool", "windowfocus", "--sync", str(d.glfw.get_x11_window(d.app.window))], check=True, timeout=30)
+    keys = ("1", "i", "x", "g", "v", "F10", "F1", "ctrl+z", "w", "Home", "Return")
+    subprocess.run(["xdotool", "key", *keys], check=True, timeout=30)
+    d.until(lambda: given == ["on"])  # Enter comes last
+    assert session.notices.message is None and not session.help and session.flight.orthographic is None
+    assert np.array_equal(before[0], session.camera.position) and not d.app.toolbox.fly.walk_mode.on
+    assert before[1:] == (session.view_settings.sides, d.app.toolbox.active, session.interface)

@@ -6,6 +6,7 @@ of 1280x720 pixels in its usual settings (the neural view).  The clock stops whe
 was begun after the event arrived.
 """
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -14,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-KEYS = "i Escape t Escape 1 2 3 4 v v F1 F1 F3 F3 n Escape".split() * 3
+KEYS = ["i", "Escape", "t", "Escape", "1", "2", "3", "4", "v", "v", "F1", "F1", "F3", "F3", "n", "Escape"] * 3
 
 
 def start_job(app, job: str, folder: Path) -> list:
     """Starts a long job beside the window; returns its workers."""
+    from pointglass.viewer.common.errors import PointglassError
     from pointglass.viewer.picture.settings import Settings
     from pointglass.viewer.window.kit.worker import Worker
 
@@ -32,36 +34,41 @@ def start_job(app, job: str, folder: Path) -> list:
     if job == "publish":
         from pointglass.viewer.window.interaction.film.publish_plan import planned
 
-        def work():
-            for _ in range(1000):
+        def plans() -> None:
+            while True:
                 planned(scene, document, Settings(view="neural"), 4, 1024)
 
-        return [Worker(work, "Publishing", wake)]
+        return [Worker(plans, "Publishing", wake)]
     if job == "fit":
         from pointglass.viewer.grid.scene import unpack
-        from pointglass.viewer.picture.edits import Edits
         from pointglass.viewer.work.fits.fit import fit_at
 
-        xyz = unpack(scene)[0] if scene.count < 3e7 else None
-        rng = np.random.default_rng(0)
-        places = xyz[rng.integers(0, len(xyz), 4000)] + (scene.origin if hasattr(scene, "origin") else 0)
+        places = np.random.default_rng(0).permutation(unpack(scene)[0])
 
-        def work():
+        def fits() -> None:
             for place in places:
-                try:
-                    fit_at(scene, tuple(place.tolist()), "plane", Edits())
-                except Exception:
-                    pass
+                with contextlib.suppress(PointglassError):
+                    fit_at(scene, tuple(place.tolist()), "plane")
 
-        return [Worker(work, "Fitting", wake)]
-    if job == "python":
-        def spin():
-            n = 0
+        return [Worker(fits, "Fitting", wake)]
+    if job == "compare":
+        from pointglass.viewer.grid.scene import unpack
+        from pointglass.viewer.work.comparing.compare import compare
+        from pointglass.viewer.work.comparing.facing import facing_of
+
+        xyz, rng = unpack(scene)[0], np.random.default_rng(0)
+
+        def comparisons() -> None:
             while True:
-                n = (n * 3 + 1) % 1000003
-                if n == 5: time.sleep(0)
-        return [Worker(spin, "Spinning", wake)]
+                after = xyz + rng.normal(0, 0.002, xyz.shape)
+                compare(xyz, after, facing_of(xyz, np.full((1, 3), np.nan), xyz.mean(axis=0)[None]))
+
+        return [Worker(comparisons, "Comparing", wake)]
     return []
+
+
+def show(ms) -> str:
+    return f"p50 {np.percentile(ms, 50):.0f} p95 {np.percentile(ms, 95):.0f} max {np.max(ms):.0f}" if len(ms) else "none"
 
 
 def main(folder: Path, scan: Path, job: str, seed: int = 1) -> None:
@@ -126,17 +133,17 @@ def main(folder: Path, scan: Path, job: str, seed: int = 1) -> None:
     n = min(len(sent), len(answered))
     late = 1e3 * (np.array(answered[:n]) - np.array(sent[:n]))
     arrive = 1e3 * (np.array(pressed[:n]) - np.array(sent[:n]))
-    show = lambda v: f"p50 {np.percentile(v, 50):.0f} p95 {np.percentile(v, 95):.0f} max {np.max(v):.0f}" if len(v) else "none"
-    print(f"{job}: {n} keys answered in ms: {show(late)}; arrived after {show(arrive)}; load {load:.1f}..{os.getloadavg()[0]:.1f}")
+    print(f"{job}: {n} keys answered in ms: {show(late)}; arrived after {show(arrive)}; "
+          f"load {load:.1f} to {os.getloadavg()[0]:.1f}")
     for name, rows in spans.items():
         took = [1e3 * (b - a) for a, b in rows if a > begin and b < end]
         print(f"   {name} x{len(took)}: {show(took)}")
     worst = np.argsort(-late)[:8]
     print("   worst:", ", ".join(f"{KEYS[k]} {late[k]:.0f}({arrive[k]:.0f})" for k in worst))
-    for w in workers:
-        print("   job:", w.label, w.done, w.total, "error" if w.error else "", w.error or "", "finished" if w.finished else "running")
-        w.cancel()
-    os._exit(0)
+    for worker in workers:
+        print("   job:", worker.label, worker.done, worker.total, worker.error or "", "ended" if worker.finished else "goes on")
+    sys.stdout.flush()
+    os._exit(0)  # the job goes on
 
 
 if __name__ == "__main__":

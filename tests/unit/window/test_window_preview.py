@@ -3,14 +3,17 @@
 import threading
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from window_session import room, session
+from window_session import FEW, room, session, until_idle
 
 from pointglass.viewer.common.progress import progress
 from pointglass.viewer.window.flight.navigation import view_along
 from pointglass.viewer.window.flight.start_viewpoint import start_state, survey
+from pointglass.viewer.window.interaction.tool import ToolContext
+from pointglass.viewer.window.interaction.walk_mode import WalkMode
 from pointglass.viewer.window.kit.notices import LoadAllPoints
 from pointglass.viewer.window.session.loading import Loaded
 
@@ -39,6 +42,36 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     made.accept(loaded)
     assert not made.shown_scan.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
     assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+
+
+@pytest.mark.timeout(300)
+def test_walking_that_is_asked_for_in_a_preview_begins_when_there_is_a_floor():
+    gate, shown = threading.Event(), room(points=500)
+
+    def opened(paths, **_):
+        assert gate.wait(120)
+        return room()
+
+    made, _ = session()
+    context = ToolContext(made, SimpleNamespace(frame=None), SimpleNamespace(scale=1.0))  # type: ignore[arg-type]
+    walk = WalkMode()
+    made.loads.open_scene, made.loads.preview_scene = opened, lambda paths, **_: shown
+    made.open([Path("a.laz")])
+    while made.scene is not shown:
+        if (loaded := made.poll()) is not None:
+            made.accept(loaded)
+    walk.toggle(context)
+    until_idle(made, lambda: walk.follow(context), lambda: walk._build is not None, loads=False)
+    assert walk.on and made.flight.walker is None and "Flying" not in [toast.text for toast in made.notices.toasts]
+    gate.set()
+    until_idle(made, lambda: walk.follow(context), lambda: walk.on and made.flight.walker is None)
+    assert walk.on and made.flight.walker is not None and not made.shown_scan.preview
+    scene = room(points=FEW)
+    made.work.accept()
+    made.accept(Loaded(scene, survey(scene)))  # of other work
+    walk.follow(context)
+    walk.follow(context)
+    assert not walk.on and made.flight.walker is None
 
 
 @pytest.mark.parametrize("done", ["nothing", "moved", "clicked", "set off"])

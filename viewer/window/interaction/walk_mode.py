@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     from .tool import ToolContext
 
 
+def _more_to_come(context: "ToolContext") -> bool:
+    """Whether the points shown are a preview and the others are being loaded."""
+    session = context.session
+    return session.shown_scan.preview and session.loads.current is not None
+
 
 class WalkMode:
-    """One window's.  on: whether the person walks, or will as soon as the map is there."""
+    """One window's.  on: whether the person walks, or will as soon as there is a floor: of a preview it may not be seen yet."""
 
     def __init__(self) -> None:
         self.on = False
@@ -25,6 +30,8 @@ class WalkMode:
         self._of: tuple | None = None  # what the map is of: scene, direction that is up, unit, clips, hidden stations
         self._build: Worker | None = None
         self._flying_speed = 0.0
+        self._waits = False  # for a floor to begin on
+        self._work: object = None  # the history of the work that the map is for
 
     def toggle(self, context: "ToolContext") -> None:
         """Walks from where the camera is, or flies again."""
@@ -33,7 +40,7 @@ class WalkMode:
         if self.on:
             self._fly(context, "Flying")
             return
-        self.on = True
+        self.on = self._waits = True
         if self._of == self._wanted(context) and self._build is None:
             self._begin(context)
         else:
@@ -48,6 +55,7 @@ class WalkMode:
 
     def _start_build(self, context: "ToolContext") -> None:
         scene, _, metres, *_ = self._of = self._wanted(context)
+        self._work = context.session.work.history
         if self._build is not None:
             self._build.cancel()
         sight = Selection.in_sight(scene, context.document)
@@ -56,14 +64,19 @@ class WalkMode:
 
     def _begin(self, context: "ToolContext") -> None:
         flight, metres = context.session.flight, metres_per_unit(context)
+        if self._map is None and _more_to_come(context):
+            return  # follow() looks again when they are there
         if self._map is None:
             self._fly(context, "No walking here: the points in sight are too far apart to tell a step from a wall")
             return
         flight.to_perspective()  # nobody stands where an orthographic camera is
         walker = stand(self._map, flight.state)
+        if walker is None and _more_to_come(context):
+            return
         if walker is None:
             self._fly(context, "No floor below: still flying")
             return
+        self._waits = False
         if flight.walker is None:
             self._flying_speed = flight.state.speed
         flight.walk(walker, PACE * self._map.metre)
@@ -71,7 +84,7 @@ class WalkMode:
         context.session.notices.toast(message, subject=ToastSubject.FLOOR)
 
     def _fly(self, context: "ToolContext", text: str) -> None:
-        flight, self.on = context.session.flight, False
+        flight, self.on, self._waits = context.session.flight, False, False
         flight.fly(self._flying_speed or flight.state.speed)
         self._flying_speed = 0.0
         context.session.notices.toast(text, subject=ToastSubject.FLOOR)
@@ -81,9 +94,11 @@ class WalkMode:
         flight = context.session.flight
         if self._of is not None and self._of != self._wanted(context):
             self._drop()
-            if self.on and flight.walker is not None and context.scene is not None:  # more points, or a unit
+            goes_on = self._work is context.session.work.history and (self._waits or flight.walker is not None)
+            if self.on and goes_on and context.scene is not None:  # more points, or a unit
                 self._start_build(context)
                 return
+            self._waits = False
             self._flying_speed = 0.0  # another scan begins with its own
             if context.scene is None:
                 self.on, flight.walker = False, None
@@ -91,8 +106,11 @@ class WalkMode:
             self._build, self._map = None, done.result
             if done.error is not None:
                 self._drop()
-                self.on = False
+                self.on = self._waits = False
             elif self.on and context.scene is not None:
+                self._begin(context)
+        elif self.on and self._waits and self._build is None and context.scene is not None:
+            if not _more_to_come(context):  # the load was given up
                 self._begin(context)
         elif self.on and flight.walker is None and self._build is None:
             self._fly(context, "No floor below: flying again" if flight.floor_lost else "Flying")

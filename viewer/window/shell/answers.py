@@ -29,8 +29,8 @@ class Answers:
 
     @property
     def begun(self) -> bool:
-        """Whether the next frame of the interface is the first after an event.  It is laid out twice: imgui sizes a window by its
-        text of the frame before, and hides one that it has no size of."""
+        """Whether the next frame of the interface is the first after an event.  It is laid out twice: imgui sizes a window by
+        its text of the frame before, and hides one that it has no size of."""
         return self._owed == _FRAMES
 
     def drawn(self) -> None:

@@ -117,9 +117,9 @@ class App:
         """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
         push, actions = self.gamepad.read()
         session = self.session
-        free = session.scene is not None and session.notices.message is None and not self.asking
-        session.flight.push = push if free else STILL
-        for action in actions:
+        free = session.notices.message is None and not self.asking
+        session.flight.push = push if free and session.scene is not None else STILL
+        for action in actions if free else ():
             self.wake()
             session.flight.stop_glide()
             self.act(action)

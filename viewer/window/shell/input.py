@@ -130,17 +130,19 @@ class Input:
         """What a key does beside what imgui makes of it."""
         host = self._host
         glfw = host.glfw
+        asked = host.session.notices.message is not None
         typing = host.imgui.get_io().want_text_input or host.asking
+        free = host.session.scene is not None and not asked
         control = self.keyboard.controls.get(key)
         if chord is None and control is not None and control.kind in ("hold", "modifier"):  # Z of a French keyboard lies on W
             if action == glfw.RELEASE:
                 host.session.flight.held.discard(control.action)
-            elif action == glfw.PRESS and not typing and not mods & glfw.MOD_CONTROL and host.session.scene is not None:
+            elif action == glfw.PRESS and free and not typing and not mods & glfw.MOD_CONTROL:
                 host.session.flight.held.add(control.action)
             return
-        if typing or (name != "ESCAPE" and list_is_open(host.imgui)):
+        if typing or (name != "ESCAPE" and (asked or list_is_open(host.imgui))):
             return
-        if host.session.scene is not None and host.session.notices.message is None:
+        if free:
             kinds: dict[int, Literal["press", "release", "repeat"]] = {
                 glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
             }  # fmt: skip
