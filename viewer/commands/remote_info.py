@@ -1,5 +1,6 @@
-"""What the header of a LAS, LAZ or COPC file at an address says, for ``pointglass info``: under a hundredth of a large file is
-read.  What only the points tell (their spacing, noise, classes) is unknown until the file is there."""
+"""What the header of a LAS, LAZ or COPC file at an address says, or the hierarchy of a Potree or EPT octree there, for
+``pointglass info``: under a hundredth of a large scan is read.  What only the points tell (their spacing, noise, classes) is
+unknown until the scan is there."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,18 +20,28 @@ def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
     address = address_in(paths[0]) if len(paths) == 1 else None
     if address is None:
         return None
-    from ..readers.formats import check_address
+    from ..readers.formats import check_address, open_source
     from ..readers.remote.fetch import described
+    from ..readers.remote.octree_fetch import described_octree, octree_at
 
     check_address(paths[0])
-    if (found := described(address)) is None:
+    if (octree := octree_at(address)) is not None:
+        root, parts = described_octree(octree)
+        if parts.bounds is None:
+            return None
+        source = open_source(root)
+        count, bounds, address = int(parts.points.sum()), parts.bounds, octree
+        share = float(parts.points[parts.levels == parts.levels.min()].sum()) / count
+    elif (found := described(address)) is not None:
+        source = LasSource(found[0])
+        share, count, bounds = found[1], source.count, source.stated_bounds()
+    else:
         return None
-    source, share = LasSource(found[0]), found[1]
-    low, high = source.stated_bounds().tolist()
+    low, high = bounds.tolist()
     return {
         "sources": [address.text],
         "format": source.format,
-        "points": source.count,
+        "points": count,
         "bounds": {"min": low, "max": high},
         "size": [b - a for a, b in zip(low, high, strict=True)],
         "spacing": None,

@@ -18,6 +18,7 @@ from ..preprocess.scan_description import (
     NO_DESCRIPTION,
     ColourSummary,
     ScanDescription,
+    ScanWarning,
     WarningTopic,
 )
 from ..readers.grid_folder import is_grid
@@ -53,7 +54,7 @@ def open_scene(
     """
     from . import cache as stored
 
-    files = as_paths(paths)
+    files = as_paths(paths, said=(said := []))
     if len(files) == 1 and files[0].is_dir():
         from .place.open_place import folder_scene
 
@@ -73,8 +74,11 @@ def open_scene(
     else:
         build = partial(build_scene, match=match, columns=columns, moves=moves)
         scene = stored.load_or_build(files, build, match=match, columns=columns, moves=moves)
-    if left_out:
-        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *warnings_of(left_out))))
+    for line in said:
+        _log.warning("%s", line)
+    if left_out or said:
+        more = [*map(ScanWarning, said), *warnings_of(left_out)]
+        scene = replace(scene, meta=replace(scene.meta, warnings=(*scene.meta.warnings, *more)))
     for warning in scene.meta.warnings_about(WarningTopic.LEFT_OUT):
         _log.warning("%s", warning)
     return scene
@@ -145,11 +149,12 @@ def scene_from_arrays(
     return build_grid([source], colours=None, allocate=in_memory, known=known, stages=stages, noise=noise)
 
 
-def as_paths(paths: Sequence[Path | str] | Path | str, *, fetch: bool = True) -> list[Path]:
+def as_paths(paths: Sequence[Path | str] | Path | str, *, fetch: bool = True, said: list[str] | None = None) -> list[Path]:
     """The given path or paths as a list, each file once, however its path is spelt; a folder of scans stands for the scans in
     it, an address for its copy in the cache folder.
 
     fetch: what is not in the copy yet is read from the address first; else the copy may have holes or not be there.
+    said: gets a line for each address that does not answer and of which an earlier copy is used; None: the log gets them.
     Raises InputError for an empty list, and for an address that cannot be read.
     """
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
@@ -158,7 +163,7 @@ def as_paths(paths: Sequence[Path | str] | Path | str, *, fetch: bool = True) ->
     from ..readers.formats import entry_of, scans_inside
     from ..readers.remote.local_copies import local_files
 
-    local = local_files(map(Path, given), fetch=fetch)
+    local = local_files(map(Path, given), fetch=fetch, said=said)
     return each_once(entry_of(file) for path in local for file in scans_inside(path) or [path])
 
 

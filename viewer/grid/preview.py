@@ -41,9 +41,10 @@ and 99 it is 0.60, 0.76 and 0.75 to 0.98, with 4 and 96, which cut off the trees
 _log = logging.getLogger(__name__)
 
 
-def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: float = 0.8, columns: str | None = None,
-                  least_bytes: int = LEAST_BYTES, moves: "Moves | None" = None) -> "Scene | None":
-    """A scene in memory of about ``points`` points, read in about ``seconds``, on a slow disk in twice that.
+def preview_scene(paths: Sequence[Path], *, points: int | Sequence[int] = 400_000, seconds: float = 0.8,
+                  columns: str | None = None, least_bytes: int = LEAST_BYTES, moves: "Moves | None" = None) -> "Scene | None":
+    """A scene in memory of about ``points`` points, read in about ``seconds``, on a slow disk in twice that.  Several numbers:
+    those of each file.
 
     Returns None where the files have fewer than ``least_bytes`` together, cannot be read (the complete load reports why), or
     have too few points.  columns: of text files, moves: as for open_scene.
@@ -60,7 +61,8 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
             return None
         sources, _ = open_readable(files, columns, moves)
         end = (time.monotonic() + seconds, time.monotonic() + 2 * seconds)
-        parts = [_sampled(source, points // len(sources), end) for source in sources]
+        shares = [points // len(sources)] * len(sources) if isinstance(points, int) else points
+        parts = [_sampled(source, share, end) for source, share in zip(sources, shares, strict=True)]
     except (InputError, OSError) as error:
         _log.info("no preview of %s: %s", ", ".join(map(str, paths)), error)
         return None

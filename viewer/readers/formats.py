@@ -145,14 +145,9 @@ def refuse_address(path: Path, why: str = "only scans are read from addresses") 
 
 
 def check_address(path: Path) -> None:
-    """Raises InputError where ``path`` is an address from which no scan can be read: of another scheme than SCHEMES, or of a
-    folder of many files."""
-    if (address := address_in(path)) is None:
+    """Raises InputError where ``path`` is an address from which no scan can be read: of another scheme than SCHEMES."""
+    if address_in(path) is None:
         refuse_address(path, f"scans are read from {', '.join(f'{scheme}://' for scheme in SCHEMES)}")
-        return
-    if folder := next((row for row in FORMATS if row.entry and address.name == row.entry[0]), None):
-        raise InputError(f"{address.text}: {folder.names[0]} is a folder of many files, which is not read from an address",
-                         remedy="download the folder, or use a COPC file")
 
 
 def check_file(path: Path) -> None:

@@ -7,7 +7,7 @@ offset by the schema; laszip nodes are complete LAZ files.  Frame: the file's.  
 import gzip
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -17,9 +17,10 @@ from ...common.errors import InputError
 from ..column_source import Columns
 from ..own_folder import MOST_UNPACKED, may_unpack, own_path, refuse_link_out
 from ..scaled_values import scaled
-from .octree_source import TYPES, OctreeSource, as_object, columns_of, named, pieces, read_json, vector, whole
+from .octree_source import TYPES, OctreeSource, as_object, columns_of, damaged, named, pieces, read_json, vector, whole
 
-_SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
+DATA, HIERARCHY = "ept-data", "ept-hierarchy"
+SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
 _ELSEWHERE = -1  # in place of a number of points: another file of the hierarchy describes the node
 _LEAST_LARGE, _GZIP = 16 << 20, 50
@@ -41,6 +42,48 @@ def _type_of(kind: str, size: int | None) -> str | None:
     return f"V{size}" if size and kind not in (*TYPES, *_KINDS) else None
 
 
+def read_hierarchy(entry: Path, meta: dict, need: Callable[[list[str]], None] = lambda names: None) -> dict[str, int]:
+    """Number of points by node, from all files of the hierarchy.  entry: the ept.json, meta: what it holds.  need: called with
+    the names of files, relative to its folder, before they are read.  Raises InputError where they contradict each other."""
+    kind = str(meta.get("hierarchyType", "json"))
+    if kind not in ("json", "gzip"):
+        raise InputError(f"hierarchyType {kind[:20]!a} is not known; EPT is json, gzip", file=entry)
+    suffix = "json.gz" if kind == "gzip" else "json"
+    waiting, found, read = ["0-0-0-0"], {}, set()
+    need([f"{HIERARCHY}/{waiting[0]}.{suffix}"])
+    while waiting:
+        root = waiting.pop()
+        path = own_path(entry.parent, f"{HIERARCHY}/{root}.{suffix}")
+        nodes, known = _unzipped(path) if kind == "gzip" else read_json(path), len(waiting)
+        read.add(root)
+        for name, count in nodes.items():
+            if _NODE.fullmatch(name) is None or not (count == _ELSEWHERE or whole(count) is not None):
+                raise damaged(f"node {name[:40]!a} has {str(count)[:20]!a} points", path)
+            if count != _ELSEWHERE:
+                found[name] = count
+            elif name not in read:
+                waiting.append(name)
+            elif name not in found:
+                raise damaged(f"node {name!a} is described by its own file", path)
+        need([f"{HIERARCHY}/{name}.{suffix}" for name in waiting[known:]])
+    return {name: count for name, count in found.items() if count}
+
+
+def _unzipped(path: Path) -> dict:
+    try:
+        most = min(MOST_UNPACKED, max(_LEAST_LARGE, path.stat().st_size * _GZIP))
+        with gzip.open(path) as file:
+            data = file.read(most + 1)
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        raise damaged("its gzip data cannot be unpacked", path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}", file=path,
+                         remedy="copy the whole folder again") from None
+    if len(data) > most:
+        raise damaged("it is too long for a part of a hierarchy", path)
+    return as_object(path, data)
+
+
 class EptSource(OctreeSource):
     """The folder of an ept.json.  Raises InputError where its parts contradict each other."""
 
@@ -48,13 +91,13 @@ class EptSource(OctreeSource):
         super().__init__(path, "EPT")
         meta = read_json(path)
         self._data = str(meta.get("dataType"))
-        if self._data not in _SUFFIXES:
-            raise InputError(f"dataType {self._data[:20]!a} is not known; EPT is {', '.join(_SUFFIXES)}", file=path)
+        if self._data not in SUFFIXES:
+            raise InputError(f"dataType {self._data[:20]!a} is not known; EPT is {', '.join(SUFFIXES)}", file=path)
         self._schema, self._dtype = {}, np.dtype([])
         if self._data != "laszip":
             self._read_schema(meta.get("schema"))
-        own_path(self.path, "ept-data")
-        self._counts = self._hierarchy(str(meta.get("hierarchyType", "json")))
+        own_path(self.path, DATA)
+        self._counts = read_hierarchy(self.entry, meta)
         self.count = sum(self._counts.values())
         if self.count == 0:
             raise InputError("holds no points", file=path, remedy="convert the scan again")
@@ -87,43 +130,8 @@ class EptSource(OctreeSource):
             if axis not in self._schema or self._dtype[axis].kind not in "iuf":
                 raise self._damaged("its schema has no X, Y and Z")
 
-    def _hierarchy(self, kind: str) -> dict[str, int]:
-        """Number of points by node, from all files of the hierarchy."""
-        if kind not in ("json", "gzip"):
-            raise InputError(f"hierarchyType {kind[:20]!a} is not known; EPT is json, gzip", file=self.entry)
-        waiting, found, read = ["0-0-0-0"], {}, set()
-        while waiting:
-            root = waiting.pop()
-            path = own_path(self.path, f"ept-hierarchy/{root}.json{'.gz' if kind == 'gzip' else ''}")
-            nodes = self._unzipped(path) if kind == "gzip" else read_json(path)
-            read.add(root)
-            for name, count in nodes.items():
-                if _NODE.fullmatch(name) is None or not (count == _ELSEWHERE or whole(count) is not None):
-                    raise self._damaged(f"node {name[:40]!a} has {str(count)[:20]!a} points", path)
-                if count != _ELSEWHERE:
-                    found[name] = count
-                elif name not in read:
-                    waiting.append(name)
-                elif name not in found:
-                    raise self._damaged(f"node {name!a} is described by its own file", path)
-        return {name: count for name, count in found.items() if count}
-
-    def _unzipped(self, path: Path) -> dict:
-        try:
-            most = min(MOST_UNPACKED, max(_LEAST_LARGE, path.stat().st_size * _GZIP))
-            with gzip.open(path) as file:
-                data = file.read(most + 1)
-        except (EOFError, zlib.error, gzip.BadGzipFile):
-            raise self._damaged("its gzip data cannot be unpacked", path) from None
-        except OSError as error:
-            raise InputError(f"cannot be read: {error.strerror or error}", file=path,
-                             remedy="copy the whole folder again") from None
-        if len(data) > most:
-            raise self._damaged("it is too long for a part of a hierarchy", path)
-        return as_object(path, data)
-
     def _file(self, node: str) -> Path:
-        return self.path / "ept-data" / f"{node}.{_SUFFIXES[self._data]}"
+        return self.path / DATA / f"{node}.{SUFFIXES[self._data]}"
 
     def _check(self, node: str) -> None:
         """Raises InputError where the file of a node is missing, or its length differs from that of its points."""

@@ -90,7 +90,12 @@ class OctreeSource(ColumnSource):
             self.crs_text = text
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:
-        return InputError(f"damaged: {what}", file=file or self.entry, remedy="copy or convert the scan again")
+        return damaged(what, file or self.entry)
+
+
+def damaged(what: str, file: Path) -> InputError:
+    """The error of a part of an octree that contradicts itself or another part."""
+    return InputError(f"damaged: {what}", file=file, remedy="copy or convert the scan again")
 
 
 _NAMES = {"gpstime": "gps_time", "returnnumber": "return_number", "numberofreturns": "number_of_returns",

@@ -18,7 +18,7 @@ from ..column_source import Columns
 from ..own_folder import own_path, refuse_link_out
 from ..scaled_values import scaled
 from ..source import CHUNK
-from .octree_source import MOST_ELEMENTS, TYPES, OctreeSource, columns_of, named, read_json, vector, whole
+from .octree_source import MOST_ELEMENTS, TYPES, OctreeSource, columns_of, damaged, named, read_json, vector, whole
 
 _NODE_FILE = re.compile(r"(r[0-7]*)\.(bin|las|laz|hrc)", re.IGNORECASE)
 _HIERARCHY = np.dtype([("children", "u1"), ("points", "<u4")])
@@ -123,16 +123,7 @@ class Potree1Source(OctreeSource):
         for (root, suffix), file in self._files.items():
             if suffix != "hrc":
                 continue
-            data = file.read_bytes()
-            if not data or len(data) % _HIERARCHY.itemsize:
-                raise self._damaged(f"{len(data):,} bytes are not a multiple of {_HIERARCHY.itemsize} a node", file)
-            names = [root]
-            for at, (children, points) in enumerate(np.frombuffer(data, _HIERARCHY).tolist()):
-                if at == len(names):
-                    raise self._damaged("holds more nodes than it names", file)
-                nodes[names[at]] = points
-                if len(names) * _HIERARCHY.itemsize < len(data):  # the children of the last level are described by other files
-                    names += [f"{names[at]}{octant}" for octant in range(8) if children >> octant & 1]
+            nodes |= {name: points for name, (points, _) in nodes_in(file, root).items()}
         return nodes
 
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
@@ -187,6 +178,21 @@ class Potree1Source(OctreeSource):
             size = size / 2
             low = low + size * [int(octant) >> 2 & 1, int(octant) >> 1 & 1, int(octant) & 1]
         return low
+
+
+def nodes_in(file: Path, root: str) -> dict[str, tuple[int, int]]:
+    """Points, and a mask of the children, of each node that a .hrc file describes, by name.  root: the first of them."""
+    data = file.read_bytes()
+    if not data or len(data) % _HIERARCHY.itemsize:
+        raise damaged(f"{len(data):,} bytes are not a multiple of {_HIERARCHY.itemsize} a node", file)
+    names, nodes = [root], {}
+    for at, (children, points) in enumerate(np.frombuffer(data, _HIERARCHY).tolist()):
+        if at == len(names):
+            raise damaged("holds more nodes than it names", file)
+        nodes[names[at]] = points, children
+        if len(names) * _HIERARCHY.itemsize < len(data):  # the children of the last level are described by other files
+            names += [f"{names[at]}{octant}" for octant in range(8) if children >> octant & 1]
+    return nodes
 
 
 def _flat(values: np.ndarray) -> np.ndarray:

@@ -115,6 +115,11 @@ class Potree2Source(OctreeSource):
             raise self._damaged(f"a node of {what} cannot have {node['bytes']:,} bytes", path)
         return nodes, depths
 
+    def node_runs(self) -> np.ndarray:
+        """(n, 4) int64 of each node: its level, its points, and the first and last byte in octree.bin, the last left out."""
+        first = self._places["place"]
+        return np.stack([self._depths, self._places["points"], first, first + self._places["bytes"]], axis=1).astype(np.int64)
+
     def _widths(self) -> list[tuple[str, int]]:
         """Name and bytes per point of the attributes in BROTLI encoding."""
         sizes = [self._dtype[i].itemsize for i in range(len(self._attributes))]

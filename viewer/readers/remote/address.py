@@ -7,9 +7,9 @@ file lies there.  What a person sees of an address has no user name and no query
 import hashlib
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from urllib.parse import parse_qsl, unquote, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, unquote, urlencode, urlsplit
 
 from ...common.errors import InputError
 from ...common.file_names import safe_name
@@ -65,16 +65,22 @@ def whole_path(path: Path | str) -> str:
     return f"{match[1].lower()}://{match[2]}" if match else os.path.abspath(path)
 
 
+def beside(address: Address, name: str) -> Address:
+    """The address of the file ``name``, a path relative to the folder of ``address``."""
+    folder = address.place.rpartition("/")[0]
+    return replace(address, place=f"{folder}/{quote(name)}" if folder else quote(name))
+
+
 def address_in(path: Path | str) -> Address | None:
-    """The address that a path is; None where it is none.  Raises InputError where it names no file."""
+    """The address that a path is, of a file or of a folder; None where it is none.  Raises InputError where it names none."""
     match = _ADDRESS.match(str(path))
     if match is None or Path(path).exists():
         return None
     scheme, rest = match[1].lower(), match[2]
     parts = urlsplit(f"{scheme}://{rest}")
     user, _, host = parts.netloc.rpartition("@")
-    place = parts.path.lstrip("/")
-    if not host or not place or place.endswith("/"):
+    place = parts.path.strip("/")
+    if not host or not place:
         raise InputError(f"{scheme}://{host}/{place}: names no file", remedy="give the whole address of a scan")
     if parts.fragment:
         place += f"%23{parts.fragment}"

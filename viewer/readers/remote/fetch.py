@@ -1,86 +1,94 @@
-"""Files at addresses as local paths: described (its header), coarse (the upper levels of a COPC file), or whole.
+"""Scans at addresses as local paths: described (their headers), coarse (the upper levels of COPC, EPT and Potree), or whole.
 
-Copies are kept in the cache folder, at most POINTGLASS_REMOTE_GB gigabytes of them (50 where it is not set); those used longest
-ago go first.  A copy is compared with the server each time it is used, by length and tag; where the server does not answer, a
-complete copy is used, and that is said.  Processes that want the same file wait for each other.
+A copy is compared with the server each time it is used, by length and tag; where the server does not answer, a complete copy is
+used, and that is said.
 """
 
-import contextlib
 import logging
-import os
-import shutil
 import struct
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ....model.common.system import lock_file
-from ...common.errors import InputError
-from ...common.paths import cache_dir
-from ...common.progress import progress
 from ..las.copc_nodes import read_nodes
-from ..sampling import sampled_nodes
 from .address import Address
-from .local_copy import BLOCK, LocalCopy, read_state
-from .remote_object import ChangedFileError, RemoteObject, UnreachableError
+from .copy_folders import folder_of, use
+from .local_copy import LocalCopy, read_state
+from .octree_fetch import complete_octree, fetched_octree, local_octree, octree_at, upper_octree_levels
+from .remote_object import UnreachableError
+from .upper_levels import UpperLevels, whole_levels
 
-_HEAD = 4 * BLOCK
-"""Bytes of the first request: the header and the records behind it of all LAS files at hand."""
 _MOST_DESCRIBED = 64 << 20
 """Bytes behind the points (hierarchy, chunk table, waveforms) that are read to describe a file."""
-_LIMIT_GB = 50.0
-_RECENT_S = 3600.0
-"""Copies used in the last hour stay: another process may read them."""
+_WHOLE_FILE = 400_000
+"""Points for the picture of a file that is there completely, as of one of this machine (viewer.grid.preview)."""
 _log = logging.getLogger(__name__)
 
 
 def local_path(address: Address) -> Path:
-    """Where the copy lies, whether it is there or not."""
-    return _folder(address) / address.name
+    """Where the copy lies, whether it is there or not; of an octree, the file that describes it.  Nothing is read."""
+    return local_octree(address) or folder_of(address) / address.name
 
 
-def fetched(address: Address) -> Path:
-    """The whole file.  Raises InputError, one line, where it cannot be had; Cancelled."""
+def fetched(address: Address, said: list[str] | None = None) -> Path:
+    """The whole file or octree.  said: gets a line where the server does not answer and an earlier copy is used; None: it is
+    logged.  Raises InputError, one line, where it cannot be had; Cancelled."""
     label = f"fetching {address.name} from {address.host}"
     try:
-        return _used(address, lambda copy: copy.fetch_all(label))
+        if octree := octree_at(address):
+            return fetched_octree(octree, label)
+        return use(address, _opened(address), lambda copy: _whole(copy, label))
     except UnreachableError as error:
-        state = read_state(_folder(address))
-        if state is None or not state["complete"] or not local_path(address).is_file():
+        if (path := complete_octree(address) or _complete_file(address)) is None:
             raise
-        _log.warning("%s; the copy read earlier is used", str(error).split(" (", 1)[0])
-        return local_path(address)
+        line = f"{str(error).split(' (', 1)[0]}; the copy read earlier is used"
+        if said is None:
+            _log.warning("%s", line)
+        else:
+            said.append(line)
+        return path
 
 
-def coarse(address: Address, points: int) -> Path | None:
-    """A file of which the header and, of COPC, the upper levels with about ``points`` points are there; None for others."""
-    found: list[bool] = []
+def coarse(address: Address, points: int, before: int = 0) -> UpperLevels | None:
+    """A scan of which the upper levels with at most about ``points`` points are there, of COPC, EPT and Potree; None for other
+    files.  before: as for whole_levels."""
+    if octree := octree_at(address):
+        return upper_octree_levels(octree, points, before)
 
-    def read(copy: LocalCopy) -> None:
+    def read(copy: LocalCopy) -> UpperLevels | None:
         described = _describe(copy)
         if copy.complete:
-            found.append(True)
-        elif described and (nodes := read_nodes(copy.path, described)):
-            chosen = [node for node, _ in sampled_nodes(nodes.level, nodes.points, points)]
-            runs = [(int(nodes.place[node]), int(nodes.place[node] + nodes.bytes[node])) for node in chosen]
-            copy.fetch(runs)
-            found.append(True)
+            return UpperLevels(copy.path, max(points, _WHOLE_FILE), not before)
+        if not described or (nodes := read_nodes(copy.path, described)) is None:
+            return None
+        chosen, held, finer = whole_levels(nodes.level, nodes.points, points, before)
+        copy.fetch([(int(nodes.place[node]), int(nodes.place[node] + nodes.bytes[node])) for node in chosen])
+        return UpperLevels(copy.path, held, finer)
 
-    path = _used(address, read)
-    return path if found else None
+    return use(address, _opened(address), read)
 
 
 def described(address: Address) -> tuple[Path, float] | None:
     """A LAS, LAZ or COPC file whose header, records and table of chunks are there, and the share of the file that was read;
     None for other formats, for servers that give no parts, and for files that are there completely."""
-    known: list[float] = []
 
-    def read(copy: LocalCopy) -> None:
-        if not copy.complete and copy.remote.ranges and _describe(copy):
-            known.append(copy.share)
+    def read(copy: LocalCopy) -> tuple[Path, float] | None:
+        return (copy.path, copy.share) if not copy.complete and copy.remote.ranges and _describe(copy) else None
 
-    path = _used(address, read)
-    return (path, known[0]) if known else None
+    return use(address, _opened(address), read)
+
+
+def _opened(address: Address):
+    return lambda home, remote: LocalCopy(home, address.name, remote)
+
+
+def _whole(copy: LocalCopy, label: str) -> Path:
+    copy.fetch_all(label)
+    return copy.path
+
+
+def _complete_file(address: Address) -> Path | None:
+    path = folder_of(address) / address.name
+    state = read_state(path.parent)
+    return path if state is not None and state["complete"] and path.is_file() else None
 
 
 def _describe(copy: LocalCopy) -> int:
@@ -104,92 +112,3 @@ def _describe(copy: LocalCopy) -> int:
     if behind and copy.remote.size - min(behind) <= _MOST_DESCRIBED:
         copy.fetch([(min(behind), copy.remote.size)])
     return count
-
-
-def _used(address: Address, work: Callable[[LocalCopy], None]) -> Path:
-    """Does ``work`` with the copy of an address, once more where the file changes on the server meanwhile."""
-    for last in (False, True):
-        remote = RemoteObject(address, _HEAD)
-        _make_room(address, remote.size)
-        with _alone(address):
-            try:
-                copy = LocalCopy(_folder(address), address.name, remote)
-                work(copy)
-                return copy.path
-            except ChangedFileError:
-                if last:
-                    raise InputError(f"{address.text}: changes while it is read", remedy="try again later") from None
-    raise AssertionError("one of two attempts ends otherwise")
-
-
-@contextlib.contextmanager
-def _alone(address: Address) -> Iterator[None]:
-    """The only one to fill the copy: waits for other processes."""
-    folder = _folder(address)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot be made ({error.strerror or error})", file=folder,
-                         remedy="set POINTGLASS_CACHE to a folder that can be written") from None
-    held = _lock_of(folder, address.name)
-    try:
-        with contextlib.suppress(OSError):
-            os.utime(folder)  # used now
-        yield
-    finally:
-        os.close(held)
-
-
-def _lock_of(folder: Path, name: str) -> int:
-    with contextlib.suppress(BlockingIOError):
-        return lock_file(folder / "lock")
-    with progress(0, f"waiting for another pointglass that reads {name}") as meter:
-        while True:
-            with contextlib.suppress(BlockingIOError):
-                return lock_file(folder / "lock")
-            meter.update(0)  # a window cancels here
-            time.sleep(0.2)
-
-
-def _make_room(address: Address, size: int) -> None:
-    """Removes the copies used longest ago where all, with the one that comes, are more than allowed."""
-    limit = _limit_gb() * 1e9
-    others = sorted((entry for entry in _home().glob("*/") if entry.name != address.key), key=_last_used)
-    held = {entry: sum(_on_disk(file) for file in entry.iterdir()) for entry in others}
-    for entry in others:
-        if sum(held.values()) + size <= limit or _last_used(entry) > time.time() - _RECENT_S:
-            return
-        shutil.rmtree(entry, ignore_errors=True)
-        held.pop(entry)
-
-
-def _on_disk(file: Path) -> int:
-    """Bytes that a file takes, without its holes where the system tells them."""
-    try:
-        found = file.stat()
-    except OSError:
-        return 0
-    return getattr(found, "st_blocks", -(-found.st_size // 512)) * 512
-
-
-def _limit_gb() -> float:
-    text = os.environ.get("POINTGLASS_REMOTE_GB", "")
-    try:
-        return float(text) if text else _LIMIT_GB
-    except ValueError:
-        raise InputError(f"POINTGLASS_REMOTE_GB is {text!r}: expected a number of gigabytes") from None
-
-
-def _last_used(folder: Path) -> float:
-    try:
-        return folder.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
-def _home() -> Path:
-    return cache_dir() / "remote"
-
-
-def _folder(address: Address) -> Path:
-    return _home() / address.key

@@ -6,8 +6,9 @@ from pathlib import Path
 from .address import address_in
 
 
-def local_file(path: Path, *, fetch: bool) -> Path:
-    """``path``, or the copy of the address that it is.  fetch: the copy is made complete first; else nothing is read.
+def local_file(path: Path, *, fetch: bool, said: list[str] | None = None) -> Path:
+    """``path``, or the copy of the address that it is.  fetch: the copy is made complete first; else nothing is read.  said: as
+    for viewer.readers.remote.fetch.fetched.
 
     Raises InputError, one line, where the file cannot be had; Cancelled.
     """
@@ -17,18 +18,22 @@ def local_file(path: Path, *, fetch: bool) -> Path:
     from .fetch import fetched, local_path
 
     check_address(path)
-    return fetched(address) if fetch else local_path(address)
+    return fetched(address, said) if fetch else local_path(address)
 
 
 def shown_source(path: str) -> str:
     """The address of which ``path`` is the copy, without its signature, else ``path``: for people."""
+    from .folder_copy import read_folder_state
     from .local_copy import read_state
 
     file = Path(path)
+    octree = read_folder_state(file.parent) or read_folder_state(file.parent.parent)
+    if octree and octree["name"] == (file.name if file.suffix else octree["name"]):
+        return str(octree["address"])
     state = read_state(file.parent) if (file.parent / "blocks").is_file() else None
     return str(state["address"]) if state and state.get("name") == file.name else path
 
 
-def local_files(paths: Iterable[Path], *, fetch: bool) -> list[Path]:
+def local_files(paths: Iterable[Path], *, fetch: bool, said: list[str] | None = None) -> list[Path]:
     """The same of several."""
-    return [local_file(path, fetch=fetch) for path in paths]
+    return [local_file(path, fetch=fetch, said=said) for path in paths]

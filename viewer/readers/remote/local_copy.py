@@ -10,7 +10,6 @@ import os
 import shutil
 import time
 from collections.abc import Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +18,14 @@ import numpy as np
 from ....model.common.files.atomic_write import write_atomic
 from ...common.errors import InputError
 from ...common.progress import progress
+from .parallel_requests import answers
 from .remote_object import RemoteObject
 
 BLOCK = 1 << 14
 """Bytes of a block: so small that header and hierarchy of an octree are read without much beside them."""
 PIECE = 1 << 20
 """Bytes of a request, at most: those under way are waited for after Ctrl-C, on a line of 1 MB/s for six seconds."""
-_AT_ONCE = 6
-"""Requests at a time: a far server fills a fast line only in part with one."""
-_SPARE = 256 << 20
+SPARE = 256 << 20
 """Bytes that stay free on the disk."""
 _KEPT_S = 2.0
 """Seconds between notes of which blocks are there."""
@@ -76,7 +74,7 @@ class LocalCopy:
         wanted = sum(last - first for first, last in pieces)
         if not pieces:
             return
-        if wanted + _SPARE > (free := shutil.disk_usage(self.path.parent).free):
+        if wanted + SPARE > (free := shutil.disk_usage(self.path.parent).free):
             raise InputError(f"{free / 1e9:,.1f} GB are free, and {wanted / 1e9:,.1f} GB of {self.path.name} are to be read",
                              file=self.path.parent, remedy="make room, or set POINTGLASS_CACHE to a folder with more")
         shown = progress(max(wanted >> 20, 1), label, " MB") if label else contextlib.nullcontext()
@@ -98,31 +96,19 @@ class LocalCopy:
 
     def _in_threads(self, pieces: list[tuple[int, int]], file: int, meter: Any) -> None:
         done, shown, noted = 0, 0, time.monotonic()
-        left = iter(pieces)
-        with ThreadPoolExecutor(_AT_ONCE, "pointglass fetch") as pool:
-            running: dict[Future[bytes], tuple[int, int]] = {}
-            try:
-                while True:
-                    for piece in left:
-                        running[pool.submit(self.remote.read, *piece)] = piece
-                        if len(running) >= 2 * _AT_ONCE:
-                            break
-                    if not running:
-                        return
-                    for future in wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done:
-                        first, last = running.pop(future)
-                        _write(file, future.result(), first)
-                        self._there[first // BLOCK : -(-last // BLOCK)] = True
-                        done += last - first
-                    if meter is not None:  # also where nothing came: a window cancels here
-                        meter.update((done >> 20) - shown)
-                        shown = done >> 20
-                    if time.monotonic() > noted + _KEPT_S:
-                        os.fsync(file)  # before it is noted to be there
-                        self._note()
-                        noted = time.monotonic()
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
+        for answer in answers(pieces, lambda piece: self.remote.read(*piece)):
+            if answer is not None:
+                (first, last), data = answer
+                _write(file, data, first)
+                self._there[first // BLOCK : -(-last // BLOCK)] = True
+                done += last - first
+            if meter is not None:  # also where nothing came: a window cancels here
+                meter.update((done >> 20) - shown)
+                shown = done >> 20
+            if time.monotonic() > noted + _KEPT_S:
+                os.fsync(file)  # before it is noted to be there
+                self._note()
+                noted = time.monotonic()
 
     def _stream(self, label: str) -> None:
         """The whole file in one request, from a server that gives no parts."""

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from ...common.errors import InputError
-from .address import Address
+from .address import Address, beside
 
 _ATTEMPTS = 5
 _FIRST_PAUSE = 0.3
@@ -45,14 +45,32 @@ class UnreachableError(InputError):
     """The server does not answer, or not now: an earlier copy may serve."""
 
 
+class MissingError(InputError):
+    """There is no file at the address."""
+
+
+class RemoteFolder:
+    """The files beside the one at an address, by one store, so that connections are used again."""
+
+    def __init__(self, address: Address):
+        self._address, (self._store, place) = address, _store_of(address)
+        self._before = place.removesuffix(place.rpartition("/")[2])
+
+    def open(self, name: str, first: int, lacking: str) -> "RemoteObject":
+        """The file ``name``, a path relative to the folder.  first, lacking: as for RemoteObject."""
+        address = beside(self._address, name)
+        return RemoteObject(address, first, (self._store, self._before + name), lacking)
+
+
 class RemoteObject:
     """size: bytes.  tag: what names this state of the file: its ETag, else its time.  modified: seconds since 1970.
     ranges: whether the server gives parts of it; without, only :meth:`pieces` works.  head: its first bytes."""
 
-    def __init__(self, address: Address, first: int):
-        """Asks for the first bytes, at most ``first``.  Raises InputError, one line, where the file cannot be had."""
-        self.address, self.ranges = address, True
-        self._store, self._place = _store_of(address)
+    def __init__(self, address: Address, first: int, opened: tuple[Any, str] | None = None, lacking: str = "check the address"):
+        """Asks for the first bytes, at most ``first``.  opened: store and place in it of a RemoteFolder.  lacking: what to do
+        where there is no such file.  Raises InputError, one line, where the file cannot be had."""
+        self.address, self.ranges, self._lacking = address, True, lacking
+        self._store, self._place = opened or _store_of(address)
         try:
             answer = self._asked(0, first)
             self.head = bytes(answer.bytes())
@@ -111,7 +129,7 @@ class RemoteObject:
             try:
                 return obstore.get(self._store, self._place, options=options)
             except FileNotFoundError:
-                raise self._error("no such file there (404)", "check the address") from None
+                raise MissingError(f"{self.address.text}: no such file there (404)", remedy=self._lacking) from None
             except (exceptions.PermissionDeniedError, exceptions.UnauthenticatedError, PermissionError):
                 raise self._error("the server does not give it out (401 or 403)", self._allowed()) from None
             except exceptions.NotSupportedError:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...common.errors import Cancelled, InputError, PointglassError
 from ...preprocess.scan_description import ScanDescription, WarningTopic
+from ...readers.remote.address import address_in
 from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
@@ -19,8 +20,11 @@ if TYPE_CHECKING:
     from .recovery import Recoverable
 
 
-_PREVIEW_POINTS = 400_000
-"""As many as a preview holds (viewer.grid.preview)."""
+_FINER = (100_000, 400_000, 1_600_000)
+"""Points of the pictures of a scan at an address, one after another while the rest is read.  The first has a quarter of those
+of a file's preview (viewer.grid.preview), since a slow line is waited for."""
+_FINER_SECONDS = (0.8, 0.8, 3.0)
+"""Seconds for reading each of them on this machine: 1.6 million points of a LAZ file take about one."""
 _PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
@@ -66,38 +70,48 @@ def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, col
     return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns, moves=moves)
 
 
-def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None,
+def preview_scene(paths: list[Path], *, detail: int = 0, cache: bool = True, match: bool = True, columns: str | None = None,
                   moves: "Moves | None" = None) -> "Scene | None":
     """A coarse scene within about a second; None where the complete one opens as fast.
 
+    detail: the how manieth one of the same paths.  Those at an address have several, each finer; of others there is one.
     cache: whether the complete one is read from the cache, where it is there."""
     from ...grid.open_scene import as_paths, is_cached
     from ...readers.grid_folder import is_grid
 
-    if not _upper_levels(paths):
+    at_addresses = any(address_in(path) for path in paths)
+    if detail >= (len(_FINER) if at_addresses else 1):
         return None
+    upper = _upper_levels(paths, detail) if at_addresses else []
     files = as_paths(paths, fetch=False)
-    if any(is_grid(file) for file in files) or (cache and is_cached(files, match, columns, moves)):
+    if upper is None or any(map(is_grid, files)) or (cache and is_cached(files, match, columns, moves)):
         return None
     from ...grid.preview import preview_scene as coarse
 
-    return coarse(files, columns=columns, moves=moves)
+    if not upper:
+        return coarse(files, columns=columns, moves=moves)
+    return coarse([path for path, _ in upper], points=[points for _, points in upper], seconds=_FINER_SECONDS[detail],
+                  columns=columns, moves=moves)
 
 
-def _upper_levels(paths: Sequence[Path]) -> bool:
-    """Reads from addresses what a preview needs; False where that is as long as the whole file, or does not succeed, which the
-    complete load reports."""
-    from ...readers.remote.address import address_in
+def _upper_levels(paths: Sequence[Path], detail: int) -> list[tuple[Path, int]] | None:
+    """The files for a preview and how many points to take of each, read from their addresses as far as needed; None where that
+    is as long as the whole file, shows no more than the preview before, or fails, which the complete load reports."""
+    from ...readers.remote.fetch import coarse
 
+    shares = [points // len(paths) for points in (0, *_FINER)]
+    chosen, finer = [], False
     try:
-        for address in filter(None, map(address_in, paths)):
-            from ...readers.remote.fetch import coarse
-
-            if coarse(address, _PREVIEW_POINTS) is None:
-                return False
+        for path in paths:
+            points = shares[-1]
+            if (address := address_in(path)) is not None:
+                if (found := coarse(address, shares[detail + 1], shares[detail])) is None:
+                    return None
+                path, points, finer = found.path, found.points, finer or found.finer
+            chosen.append((path, points))
     except InputError:
-        return False
-    return True
+        return None
+    return chosen if finer else None
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:
@@ -191,7 +205,7 @@ class ScanLoads:
 
         def work() -> Loaded:
             files = expanded(given)
-            shown = not same_work and self._first_picture(
+            shown = not same_work and self._first_pictures(
                 files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
             scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
             for file in opened:
@@ -210,20 +224,26 @@ class ScanLoads:
         paths, recovered = self._asked
         self.open(paths, recovered=recovered)
 
-    def _first_picture(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
-        """Makes the preview, on the worker's thread.  Returns whether there is one.  Errors are left to the complete load."""
-        try:
-            scene = self.preview_scene(files, **colours)
-        except Cancelled:
-            raise
-        except (PointglassError, MemoryError, OSError):
-            return False
-        if scene is None or not wanted():
-            return False
-        self._preview = Loaded(scene, survey(scene), tuple(files), preview=True)
-        self._wake()
-        self._shown.wait(_PREVIEW_SECONDS)  # the first picture does not share the processors with the complete load
-        return True
+    def _first_pictures(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
+        """Makes the preview, or several, each finer, on the worker's thread.  Returns whether there is one.  Errors are left to
+        the complete load."""
+        detail = 0
+        while True:
+            try:
+                scene = self.preview_scene(files, detail=detail, **colours)
+            except Cancelled:
+                raise
+            except (PointglassError, MemoryError, OSError):
+                return detail > 0
+            if scene is None or not wanted():
+                return detail > 0
+            self._shown.clear()
+            self._preview = Loaded(scene, survey(scene), tuple(files), preview=True, follows_preview=detail > 0)
+            self._wake()
+            self._shown.wait(_PREVIEW_SECONDS)  # the first picture does not share the processors with the complete load
+            if not any(map(address_in, files)):
+                return True
+            detail += 1
 
     def preview_shown(self) -> None:
         """The preview is on the screen: the complete load goes on."""
