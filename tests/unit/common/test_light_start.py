@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pointglass.viewer.cli import main
 from pointglass.viewer.common.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -64,9 +65,28 @@ def test_a_picture_without_the_network_loads_no_torch_from_python(thin_demo):
     assert not modules_after(FROM_PYTHON, thin_demo) & set(NEVER)
 
 
+WORDS_ONLY = """
+import contextlib, io, json, sys
+from pointglass.viewer.cli import main
+from pointglass.viewer.command_table import COMMANDS
+for command in ([], *([name] for name in COMMANDS)):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+        main([*command, "--help"])
+assert main(["info", sys.argv[1]]) == 0
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+def test_help_of_every_command_and_info_of_a_scan_in_the_cache_load_no_library_that_computes(thin_demo):
+    """In one process, because its commands add up: numba takes 0.4 s to import, scipy 0.2 s, torch 1.5 s."""
+    assert main(["info", str(thin_demo)]) == 0  # into the cache
+    heavy = {*NEVER, *NOT_FROM_CACHE, "numba", "scipy", "glfw", "moderngl", "imgui_bundle"}
+    assert not modules_after(WORDS_ONLY, thin_demo) & heavy
+
+
 def test_loops_of_other_code_may_still_use_blas():
-    """model.common.jit keeps numba from loading scipy's BLAS at start; np.dot in a loop of other code works all the same."""
-    code = ("import sys, json, numpy as np, pointglass.model.common.jit, numba; early = sorted(sys.modules)\n"
+    """numba_loops keeps numba from loading scipy's BLAS when it is imported; np.dot in a loop of other code still works."""
+    code = ("import sys, json, numpy as np, pointglass.model.common.numba_loops, numba; early = sorted(sys.modules)\n"
             "a = np.arange(6.0).reshape(2, 3); assert (numba.njit(lambda x, y: np.dot(x, y))(a, a.T) == a @ a.T).all()\n"
             "print(json.dumps(early))")
     assert "scipy.linalg" not in modules_after(code)

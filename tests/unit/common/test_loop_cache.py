@@ -29,7 +29,7 @@ said = []
 loop_cache.NOTICE.tell = said.append
 from package import loops
 assert loops.twice(4) == 8
-print(json.dumps([sum(loops.twice.stats.cache_hits.values()), loops.twice.stats.cache_path, said]))
+print(json.dumps([sum(loops.twice.dispatcher.stats.cache_hits.values()), loops.twice.dispatcher.stats.cache_path, said]))
 """
 
 
@@ -41,7 +41,7 @@ def package(tmp_path):
     for file in (folder / "__init__.py", folder / "common" / "__init__.py", folder / "__pycache__"):
         file.touch()
     (folder / "loops.py").write_text(LOOP)
-    for name in ("compiled_in", "jit", "loop_cache", "system"):
+    for name in ("compiled_in", "jit", "loop_cache", "numba_loops", "system"):
         shutil.copy(COMMON / f"{name}.py", folder / "common")
     return folder
 
@@ -138,7 +138,7 @@ def test_a_constant_or_a_loop_of_another_module_that_changed_is_compiled_again(p
     for name, text in (("caller", CALLER), ("helpers", HELPERS), ("values", "OFFSET = 1\nPAIR = (5, 10)\nFACTOR = 100\n")):
         (package / f"{name}.py").write_text(text)
     told = ("import sys; sys.path.insert(0, sys.argv[1])\nfrom package.caller import result\n"
-            "print(result(3), sum(result.stats.cache_hits.values()))")
+            "print(result(3), sum(result.dispatcher.stats.cache_hits.values()))")
     environment = os.environ | {"POINTGLASS_CACHE": str(tmp_path / "cache")}
     environment.pop("NUMBA_CACHE_DIR", None)
 

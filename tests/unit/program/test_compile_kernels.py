@@ -12,7 +12,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 import numpy as np
-from numba.core.dispatcher import Dispatcher
+from pointglass.model.common.jit import Loop
 from pointglass.viewer import cli, compile_kernels
 from pointglass.viewer.commands import demo
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
@@ -27,8 +27,8 @@ demo.demo_scan = lambda: scan
 
 def compiled():
     return {(loop.py_func.__module__, loop.py_func.__name__, str(types)) for name, module in list(sys.modules.items())
-            if name.startswith("pointglass.") for loop in list(vars(module).values()) if isinstance(loop, Dispatcher)
-            for types in loop.signatures}
+            if name.startswith("pointglass.") for loop in list(vars(module).values()) if isinstance(loop, Loop)
+            for types in loop.dispatcher.signatures}
 
 compile_kernels._open_scans(scan.parent)
 compile_kernels._draw_and_point()

@@ -6,7 +6,6 @@ Frame: as viewer.work.comparing.point_cells, file units.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from ..fits.local import noise_of
 from .point_cells import cells_of
@@ -59,6 +58,8 @@ class Sizes:
 
 def scale_of(xyz: np.ndarray) -> CloudScale:
     """Spacing and noise of (n, 3) float64 points, none below 0."""
+    from scipy.spatial import KDTree
+
     side = float(xyz.max()) / 128
     if not side > 0:
         return CloudScale(0.0, 0.0)

@@ -3,8 +3,12 @@
 Noise is the scatter around quadrics, not planes, so that the bend of a thin pipe is not taken for noise.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.spatial import KDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import KDTree
 
 FEWEST = 12
 """Neighbours that a normal is told from, at least."""
@@ -16,6 +20,8 @@ _QUADRICS = 48
 def spacing_of(points: np.ndarray) -> float:
     """About 1/sqrt(points per area), from the distance to the sixth nearest neighbour, at places that differ
     (viewer.work.fits.measured.distinct).  0 for fewer than two points."""
+    from scipy.spatial import KDTree
+
     if len(points) < 2:
         return 0.0
     some = points[:: max(len(points) // 512, 1)]
@@ -24,7 +30,7 @@ def spacing_of(points: np.ndarray) -> float:
     return float(np.median(away)) * float(np.sqrt(np.pi / (k - 1)))
 
 
-def noise_of(points: np.ndarray, tree: KDTree, near: np.ndarray) -> float:
+def noise_of(points: np.ndarray, tree: "KDTree", near: np.ndarray) -> float:
     """Standard deviation of points from the quadric through their neighbourhood, the median over places of ``near`` (n, 3)."""
     some = near[:: max(len(near) // _QUADRICS, 1)]
     k = min(40, len(points))
@@ -43,7 +49,7 @@ def noise_of(points: np.ndarray, tree: KDTree, near: np.ndarray) -> float:
     return float(np.median(found))
 
 
-def normals_of(points: np.ndarray, tree: KDTree, radius: float, spacing: float, at: np.ndarray | None = None) -> np.ndarray:
+def normals_of(points: np.ndarray, tree: "KDTree", radius: float, spacing: float, at: np.ndarray | None = None) -> np.ndarray:
     """(n, 3) unit normals, of either sign, of the planes through the neighbours within about ``radius``.  at: (n, 3) places;
     None: at the points themselves."""
     k = int(np.clip(np.pi * (radius / max(spacing, 1e-300)) ** 2, FEWEST, MOST_NEIGHBOURS))

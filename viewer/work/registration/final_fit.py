@@ -7,13 +7,15 @@ Frame: relative to a centre near the points; parameters are a small turn (3, rad
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree  # type: ignore[attr-defined]
-from scipy.special import stdtrit
 
 from ...common.rigid_transform import Rows, combined, moved_points, rigid, rotation_about, turned_directions
 from .icp_clouds import Thinned
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree  # type: ignore[attr-defined]
 
 TUKEY = 4.685
 """Distance at which a pair stops counting, in standard deviations; 95 % efficient with normal errors (Huber 1981)."""
@@ -57,6 +59,8 @@ def final_fit(moving: Thinned, fixed: Thinned, start: Rows) -> FinalFit | None:
 
     moving, fixed: of one voxel size.
     """
+    from scipy.spatial import cKDTree  # type: ignore[attr-defined]
+
     tree, transform, sigma = cKDTree(fixed.xyz), start, np.inf
     for _ in range(STEPS):
         pairs = _pairs(moving, fixed, tree, transform)
@@ -93,7 +97,7 @@ class _Pairs:
         return np.array([self.radius] * 3 + [1.0] * 3)
 
 
-def _pairs(moving: Thinned, fixed: Thinned, tree: cKDTree, transform: Rows) -> _Pairs:
+def _pairs(moving: Thinned, fixed: Thinned, tree: "cKDTree", transform: Rows) -> _Pairs:
     points, normals = moved_points(transform, moving.xyz), turned_directions(transform, moving.normals)
     away, index = tree.query(points, distance_upper_bound=_REACH * moving.voxel, workers=-1)
     near = np.flatnonzero(np.isfinite(away))
@@ -137,6 +141,8 @@ def _stated(pairs: _Pairs, transform: Rows, sigma: float, fixed_count: int) -> F
 def _jackknife(pairs: _Pairs, scaled: np.ndarray, weights: np.ndarray, hessian: np.ndarray,
                side: int) -> tuple[np.ndarray, float]:
     """Covariance (6, 6) of the scaled parameters, and the factor to 95 %.  side: blocks along the longest side."""
+    from scipy.special import stdtrit
+
     low, size = pairs.points.min(axis=0), float(np.ptp(pairs.points, axis=0).max()) / side
     cells = np.minimum(((pairs.points - low) / max(size, 1e-300)).astype(np.int64), side - 1)
     _, block = np.unique(cells @ np.array([1, side, side**2]), return_inverse=True)
