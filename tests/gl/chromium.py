@@ -35,7 +35,7 @@ class Page:
         self._session = self._ask("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self._ask(f"{domain}.enable")
-        self._ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.resize(width, height)
 
     def open(self, address):
         self._ask("Page.navigate", url=address)
@@ -75,6 +75,16 @@ class Page:
             at = {"x": x + (to_x - x) * step / steps, "y": y + (to_y - y) * step / steps}
             self._ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[at])
         self._ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def resize(self, width, height):
+        """The window, logical pixels."""
+        self._ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def read_aloud(self):
+        """(role, name, value or description) of all that a screen reader is given, in its order."""
+        nodes = self._ask("Accessibility.getFullAXTree")["nodes"]
+        return [tuple(str(node.get(key, {}).get("value", "")) for key in ("role", "name", "value")) for node in nodes
+                if not node["ignored"]]
 
     def prefers(self, scheme):
         """light or dark."""

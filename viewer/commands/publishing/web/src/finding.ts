@@ -55,7 +55,18 @@ export function showNote(notes: NoteData[], index: number, more = ""): void {
   else link.href = note.link;
   by("note-picture").hidden = true;
   if (note.picture) void attach(note, index);
+  if (!document.body.classList.contains("noted")) opener = document.activeElement;
   document.body.classList.add("noted");
+  by("note-title").focus({ preventScroll: true }); // a screen reader reads on from there
+}
+
+let opener: Element | null = null;
+
+// Back to where one was.
+export function closeNote(): void {
+  document.body.classList.remove("noted");
+  const back = opener instanceof HTMLElement && opener.isConnected && !opener.hidden ? opener : by("picture");
+  back.focus({ preventScroll: true });
 }
 
 const pictures = new Map<number, Promise<ImageBitmap | HTMLImageElement>>();
@@ -74,7 +85,7 @@ async function attach(note: NoteData, index: number): Promise<void> {
 }
 
 export function listenToNote(): void {
-  by("note-close").addEventListener("click", () => document.body.classList.remove("noted"));
+  by("note-close").addEventListener("click", closeNote);
   by("note-picture").addEventListener("click", () => by<HTMLDialogElement>("photo").showModal());
   by("photo").addEventListener("click", () => by<HTMLDialogElement>("photo").close());
 }

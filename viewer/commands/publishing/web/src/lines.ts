@@ -5,6 +5,8 @@ import type { Vector } from "./scene";
 import type { View } from "./view";
 
 const SVG = "http://www.w3.org/2000/svg";
+const SHORT = 190; // CSS pixels of a line across which its label, 150 wide, would hide it
+const CLEAR = 12; // and between it and a label above it
 const NEAR = 0.02; // metres before the eye at which lines are cut
 
 export interface Polyline {
@@ -80,12 +82,22 @@ export class Lines {
     }).join("");
     paths["dots-under"].setAttribute("d", dots);
     paths["dots-over"].setAttribute("d", dots);
-    const on = drawing.label && this.view.project(drawing.label), [width, height] = this.view.size;
+    const on = drawing.label && this.labelAt(drawing);
+    const [width, height] = this.view.size;
     const shown = drawing.text !== "" && on !== null && on.x > -200 && on.x < width + 200 && on.y > -50 && on.y < height + 50;
     label.hidden = !shown;
     if (!on || !shown) return;
     if (label.textContent !== drawing.text) label.textContent = drawing.text;
-    label.style.transform = `translate(${on.x.toFixed(1)}px, ${on.y.toFixed(1)}px) translate(-50%, -50%)`;
+    label.style.transform = `translate(${on.x.toFixed(1)}px, ${on.y.toFixed(1)}px) translate(-50%, ${on.above ? "-100%" : "-50%"})`;
+  }
+
+  // Where the label of a drawing stands: on it, or above one that it would hide.
+  private labelAt({ label, points }: Drawing): { x: number; y: number; above: boolean } | null {
+    const on = label && this.view.project(label), ends = points.map((point) => this.view.project(point));
+    if (!on || ends.length < 2 || ends.some((end) => end === null)) return on && { x: on.x, y: on.y, above: false };
+    const [xs, ys] = [ends.map((end) => end!.x), ends.map((end) => end!.y)];
+    const above = Math.hypot(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys)) < SHORT;
+    return { x: on.x, y: above ? Math.min(...ys) - CLEAR : on.y, above };
   }
 
   // The part of a line that lies before the eye.

@@ -2,6 +2,7 @@
 
 import type { View } from "./view";
 
+const SHOWN = 20; // characters of a place that is not there
 const WAIT = 300; // milliseconds without a change before the address is written: browsers limit how often
 
 export interface Target {
@@ -9,21 +10,24 @@ export interface Target {
   yaw: number;
   pitch: number;
   fov: number;
+  unknown: string | null; // what the link names, where there is no such place
 }
 
-export function parse(hash: string, places: number, before: Target): Target {
+export function parse(hash: string, places: number, before: Omit<Target, "unknown">): Target {
   const found = new URLSearchParams(hash.replace(/^#/, ""));
   const number = (key: string, otherwise: number) => {
     const text = found.get(key);
     const value = text === null || text.trim() === "" ? NaN : Number(text);
     return Number.isFinite(value) ? value : otherwise;
   };
-  const place = Math.round(number("place", before.place + 1)) - 1;
+  const asked = found.get("place"), place = Number(asked || before.place + 1) - 1;
+  const known = Number.isInteger(place) && place >= 0 && place < places;
   return {
-    place: place >= 0 && place < places ? place : before.place,
+    place: known ? place : before.place,
     yaw: number("yaw", before.yaw),
     pitch: number("pitch", before.pitch),
     fov: number("fov", before.fov),
+    unknown: known ? null : asked!.slice(0, SHOWN),
   };
 }
 

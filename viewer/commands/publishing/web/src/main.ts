@@ -1,7 +1,7 @@
 // Starts the page: loads the scene, goes to the first place, and joins view, tools and lists.
 
 import { followPhone, listen } from "./controls";
-import { listenToNote, lookAt, openNote, showNote } from "./finding";
+import { closeNote, listenToNote, lookAt, openNote, showNote } from "./finding";
 import { keepAddress, parse, type Target, text as addressOf } from "./link";
 import { loadScene } from "./loader";
 import { Measuring } from "./measure";
@@ -11,9 +11,11 @@ import { Panorama } from "./panorama";
 import { Plan } from "./plan";
 import { direction, dot, length, minus, plus, type SceneData, times, type Vector } from "./scene";
 import { View } from "./view";
+import { Visits } from "./visit";
 
 const RADIANS = Math.PI / 180;
 const PRELOADED = 6; // places whose first pictures are loaded ahead
+const AHEAD = 150; // milliseconds that the first pictures' data get before WebGL is begun, at most
 const WAITED = 3000; // milliseconds that what is loaded ahead waits for the view to rest, at most
 const SAID = 6000; // milliseconds that a message stays
 
@@ -42,6 +44,11 @@ async function start(): Promise<void> {
   const scene = await loadScene();
   document.title = scene.title;
   by("title").textContent = scene.title;
+  const visits = new Visits(scene);
+  const named = parse(location.hash, scene.places.length, { place: 0, yaw: NaN, pitch: NaN, fov: 75 });
+  // The first pictures are read and decoded while the browser makes the WebGL context: the two take longest.
+  visits.get(named.place).catch(() => undefined); // told below
+  await Promise.race([visits.decoding, new Promise((done) => window.setTimeout(done, AHEAD))]);
   let panorama: Panorama;
   try {
     panorama = new Panorama(by<HTMLCanvasElement>("picture"), scene.metre);
@@ -49,7 +56,7 @@ async function start(): Promise<void> {
     fail("This browser has no WebGL 2, which draws the panoramas. A current version of Firefox, Chrome, Edge or Safari has it.");
     return;
   }
-  const view = new View(scene, panorama);
+  const view = new View(scene, panorama, visits);
   const panel: { current?: Panel } = {};
   const measuring = new Measuring(view, say, () => {
     toggle("measure", measuring.on);
@@ -80,13 +87,16 @@ async function start(): Promise<void> {
   });
   const turn = (target: Target) =>
     view.go(target.place, { yaw: target.yaw * RADIANS, pitch: target.pitch * RADIANS, fov: target.fov });
-  const named = parse(location.hash, scene.places.length, { place: 0, yaw: NaN, pitch: NaN, fov: 75 });
   const own = scene.places[named.place];
   await turn({ ...named, yaw: Number.isNaN(named.yaw) ? own.yaw : named.yaw, pitch: Number.isNaN(named.pitch) ? own.pitch : named.pitch });
   by("start").remove();
   document.body.classList.add("ready");
   performance.mark("first picture");
-  keepAddress(view, (target) => void turn(target));
+  const tell = ({ unknown }: Target) => {
+    if (unknown !== null) say(`There is no place ${unknown} here: the places are 1 to ${scene.places.length}.`);
+  };
+  tell(named);
+  keepAddress(view, (target) => void turn(target).then(() => tell(target)));
   Object.assign(window, { pointglass: { view, measuring, panorama } }); // for tests, and the curious
 }
 
@@ -171,7 +181,9 @@ function handle(view: View): void {
   const set = (share: number) => {
     view.second = Math.min(Math.max(share, 0), 1);
     bar.style.left = `${100 * view.second}%`;
-    bar.setAttribute("aria-valuenow", String(Math.round(100 * view.second)));
+    const percent = Math.round(100 * view.second);
+    bar.setAttribute("aria-valuenow", String(percent));
+    bar.setAttribute("aria-valuetext", `${percent} % ${second}, the rest ${view.scene.view}`);
     view.redraw();
   };
   by("compare").addEventListener("click", async () => {
@@ -243,7 +255,7 @@ function pressed(view: View, measuring: Measuring, key: string): boolean {
   const clicks: Record<string, string> = { m: "measure", p: "map", l: "list", v: "compare", f: "full", t: "tint", "?": "help" };
   const [width, height] = view.size;
   if (key === "Enter" && measuring.on) void measuring.click(width / 2, height / 2);
-  else if (key === "Escape" && document.body.classList.contains("noted")) document.body.classList.remove("noted");
+  else if (key === "Escape" && document.body.classList.contains("noted")) closeNote();
   else if (key === "Escape" && measuring.on) void measuring.turn(false);
   else if (clicks[key] && !by(clicks[key]).hidden) by(clicks[key]).click();
   else return false;

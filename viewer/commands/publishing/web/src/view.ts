@@ -3,9 +3,9 @@
 import type { DepthMap } from "./depth";
 import { Panorama } from "./panorama";
 import { direction, plus, times, type SceneData, type Vector } from "./scene";
-import { type LoadedPlace, Visits } from "./visit";
+import type { LoadedPlace, Visits } from "./visit";
 
-export const HOP = 360; // milliseconds
+export const HOP = 300; // milliseconds
 const SLOW = 36; // milliseconds of a picture above which there are fewer pixels, below half of which more
 const STILL = 150; // milliseconds without a picture after which what is loaded ahead disturbs nobody
 const UPLOAD = 400; // milliseconds that a texture waits for that, at most
@@ -36,16 +36,16 @@ export class View {
   private rest = 0;
   private last = 0;
   private hop: { start: number; from: Vector; to: Vector; walked: boolean; turn: [number, number] | null; turned: number } | null = null;
-  readonly visits: Visits;
   readonly drawn: (() => void)[] = [];
   readonly arrived: (() => void)[] = [];
   readonly calm = window.matchMedia("(prefers-reduced-motion: reduce)");
 
-  constructor(readonly scene: SceneData, readonly panorama: Panorama) {
-    this.visits = new Visits(scene, (place) => {
+  constructor(readonly scene: SceneData, readonly panorama: Panorama, readonly visits: Visits) {
+    visits.changed = (place) => {
       if (place === this.place && !this.hop) this.panorama.stand(place.textures, this.position(place.index));
       this.redraw();
-    }, (textures) => panorama.upload(textures, () => this.stillness(UPLOAD)));
+    };
+    visits.upload = (textures) => panorama.upload(textures, () => this.stillness(UPLOAD));
     if (/swiftshader|llvmpipe|softpipe|basic render/i.test(panorama.software)) this.coarse = COARSEST; // learnt before it is seen
     new ResizeObserver(() => this.resize()).observe(panorama.canvas.parentElement!);
     this.resize();

@@ -21,9 +21,17 @@ export class LoadedPlace {
 export class Visits {
   private readonly loaded = new Map<number, Promise<LoadedPlace>>();
 
-  // changed: is told of pictures that came later.
-  constructor(private readonly scene: SceneData, private readonly changed: (place: LoadedPlace) => void,
-    private readonly upload: (textures: Texture[]) => Promise<void>) {}
+  // Is told of pictures that came later.
+  changed: (place: LoadedPlace) => void = () => undefined;
+  // Gives textures to the GPU.
+  upload: (textures: Texture[]) => Promise<void> = () => Promise.resolve();
+  // Resolves when the data of a first place have come and the browser decodes them.
+  readonly decoding: Promise<void>;
+  private begun!: () => void;
+
+  constructor(private readonly scene: SceneData) {
+    this.decoding = new Promise((resolve) => (this.begun = resolve));
+  }
 
   // A place with its first pictures.
   get(index: number): Promise<LoadedPlace> {
@@ -56,10 +64,12 @@ export class Visits {
     const data = await loadPart(index, "first");
     const place = new LoadedPlace(index);
     const { small, stride, places } = this.scene;
-    const [images, depth] = await Promise.all([
+    const decoding = Promise.all([
       Promise.all(data.pictures!.map(picture)),
       DepthMap.decode(data.depth!, places[index], small, stride),
     ]);
+    this.begun();
+    const [images, depth] = await decoding;
     place.textures.first = images.map(textureOf);
     place.depth = depth;
     return place;
