@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 WINDOW, SIZE = (800, 500), (512, 320)
 """Pixels of the window, and of the animation."""
 FRAME_MS, REST_MS = 70, 1300
+MOVED_MS = 300
+"""Milliseconds of the page's hop (HOP in viewer/commands/publishing/web/src/view.ts)."""
 COLOURS = 256
 TURN, HOP, CLICK = 9, 8, 2
 """Frames of a turn and a hop, and of the pointer before a click."""
@@ -83,7 +85,7 @@ def frames_of(site: Path, profile: Path) -> Iterator[tuple[Image.Image, int]]:
         page.value(f"void window.pointglass.view.go({LOOK[0] - 1}), tick(0)")
         page.until("window.pointglass.view.moving")
         while page.value("window.pointglass.view.going"):
-            page.value(f"tick({360 / HOP})")
+            page.value(f"tick({MOVED_MS / HOP})")
             yield shot(), FRAME_MS
         away = (LOOK[1] - target + 180) % 360 - 180
         for share in _eased(TURN):

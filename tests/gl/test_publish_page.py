@@ -1,6 +1,7 @@
 """The published page in a browser, opened as a file: it draws, asks for nothing, goes from place to place, and measures
-distances that are known."""
+distances that are known.  Text of a project, and a page into which someone brought code, run nothing."""
 
+import dataclasses
 import json
 import threading
 from contextlib import contextmanager
@@ -11,7 +12,10 @@ import chromium
 import firefox
 import numpy as np
 import pytest
-from test_publish import EYE, OFFSET, SIZE, project, publish, room
+from test_publish import EYE, HOSTILE, OFFSET, SIZE, project, publish, room
+
+from pointglass.viewer.work.notes.annotation import Annotation
+from pointglass.viewer.work.project import read_project, write_project
 
 BROWSERS = {
     name: pytest.param(module, count, id=name, marks=pytest.mark.skipif(
@@ -27,6 +31,30 @@ AIM = """(async () => {
   const { x, y } = view.project(at);
   return [x, y];
 })()"""
+CODE = [
+    "<script>hit(1)</script>", "<img src=x onerror=hit(2)>", "<svg onload=hit(3)></svg>", "<input autofocus onfocus=hit(4)>",
+    "<iframe srcdoc='<script>parent.hit(5)</script>'></iframe>", "<a href='javascript:hit(6)'>here</a>",
+    "<object data='data:text/html,<script>parent.hit(7)</script>'></object>",
+    "<form action='javascript:hit(8)'><button>go</button></form>", "<details open ontoggle=hit(9)></details>",
+    "<link rel=stylesheet href='ELSEWHERE/10.css'>", "<video autoplay src='ELSEWHERE/11.mp4' onloadstart=hit(11)></video>",
+]
+"""Eleven kinds of code in a text."""
+BROUGHT_IN = """new Promise((done) => window.setTimeout(() => {
+  const box = document.createElement('div');
+  const add = (more) => document.body.append(Object.assign(document.createElement('script'), more));
+  window.refused = 0;
+  document.addEventListener('securitypolicyviolation', () => window.refused++);
+  document.body.append(box);
+  box.innerHTML = %s.join('');
+  box.querySelector('a').click(), box.querySelector('form').requestSubmit();
+  add({ textContent: 'hit(12)' }), add({ src: 'data:text/javascript,hit(13)' }), add({ src: 'ELSEWHERE/14.js' });
+  const tried = [() => eval('hit(15)'), () => Function('hit(16)')(), () => setTimeout('hit(17)', 0),
+    () => new Worker('ELSEWHERE/18.js'), () => import('data:text/javascript,hit(19)'), () => fetch('ELSEWHERE/20'),
+    () => navigator.sendBeacon('ELSEWHERE/21', 'x')];
+  for (const each of tried) try { Promise.resolve(each()).catch(() => 0); } catch { /* refused */ }
+  window.setTimeout(() => done([window.hits, window.refused]), 500);
+}, 0))"""
+"""Outside of what the debugger evaluates, which may do more than the page."""
 MADE = "window.pointglass.measuring.made.map(({ points, value, uncertainty }) => [points.length, value, uncertainty])"
 
 
@@ -48,7 +76,11 @@ def aimed(page, point, aside):
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    done = publish(project(folder, room(folder / "room.laz", 5)), "--out", folder / "site", "--view", "filled")
+    written = project(folder, room(folder / "room.laz", 5))
+    document, at = read_project(written), tuple((OFFSET + (3.0, 4.0, 1.2)).tolist())
+    notes = *document.annotations, *(Annotation(text, at) for text in CODE)
+    write_project(written, dataclasses.replace(document, annotations=notes))
+    done = publish(written, "--out", folder / "site", "--view", "filled", "--title", HOSTILE + CODE[1])
     assert done.returncode == 0, done.stderr
     return folder / "site"
 
@@ -106,6 +138,19 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         folder = site.as_uri()
         outside = [address for address in page.requests if not address.startswith((folder, "data:", "blob:"))]
         assert outside == [] and (len(page.requests) >= 8 or browser is firefox)  # which names no files that it reads
+
+        page.value("(window.hits = [], window.hit = (number) => window.hits.push(number), 0)")
+        notes = "[...document.querySelectorAll('#lists section')].find((each) => each.textContent.startsWith('Notes'))"
+        listed = page.value(f"[...{notes}.querySelectorAll('button')].map((each) => each.textContent)")
+        shown = page.value("[...document.querySelectorAll('.note')].map((each) => (each.click(),"
+                           "['title', 'text'].map((part) => document.getElementById('note-' + part).textContent).join()))")
+        for text, title, note in zip(CODE, listed[-len(CODE):], shown[-len(CODE):], strict=True):
+            assert title == Annotation(text, tuple(OFFSET)).title(0) and text in note
+        assert page.value("document.title") == HOSTILE + CODE[1]
+        assert page.value("window.hits") == [] and page.complaints == []
+        with served(site, asked := []) as elsewhere:  # the second wall: the page's content security policy
+            hits, refused = page.value((BROUGHT_IN % json.dumps(CODE)).replace("ELSEWHERE/", elsewhere))
+            assert hits == [] and refused >= 11 and asked == []
     finally:
         page.close()
 
@@ -131,11 +176,12 @@ def test_a_device_that_is_slow_draws_fewer_pixels_while_something_moves_and_all_
 
 
 @contextmanager
-def served(folder):
-    """The address of a folder on a server of static files."""
+def served(folder, asked=None):
+    """The address of a folder on a server of static files.  asked: takes what is asked for."""
     class Quiet(SimpleHTTPRequestHandler):
-        def log_message(self, *_):
-            pass
+        def log_message(self, *arguments):
+            if asked is not None:
+                asked.append(arguments)
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -183,6 +229,10 @@ def test_a_page_from_a_server_is_used_by_mouse_touch_keys_links_and_sensor(tmp_p
             page.until(f"{view}.index === 1 && !{view}.going")
             assert page.value("window.way.some((each) => each)")
 
+            page.value("location.hash = '#place=99&yaw=10'")
+            page.until("document.getElementById('message').textContent === 'There is no place 99 here: the places are 1 to 2.'")
+            page.until(f"{view}.index === 1 && !{view}.going")
+
             page.value("document.getElementById('phone').click()")
             yaws = []
             for alpha in (10, 10, 40):
@@ -194,6 +244,39 @@ def test_a_page_from_a_server_is_used_by_mouse_touch_keys_links_and_sensor(tmp_p
             nameless = ("[...document.querySelectorAll('button, a, [role=slider]')].filter((each) => !each.closest('[hidden]')"
                         "&& !(each.ariaLabel || each.textContent.trim() || each.title)).map((each) => each.outerHTML)")
             assert page.value(nameless) == []  # a screen reader has words for all that can be pressed
+            read = page.read_aloud()
+            for role, name, value in (
+                    ("application", page.value("'Panorama: ' + document.getElementById('place').textContent"), None),
+                    ("slider", "Line between the two views", "48"), ("navigation", "Tools", None),
+                    ("heading", HOSTILE + CODE[1], None), ("button", "Measure", None), ("button", "Go to By the window", None)):
+                assert any(each[:2] == (role, name) and value in (None, each[2]) for each in read), (role, name, read)
+            assert page.value("document.getElementById('handle').getAttribute('aria-valuetext')") == "48 % raw, the rest filled"
+            note = "[...document.querySelectorAll('#overlay .note')].find((each) => !each.hidden)"
+            aimed(page, OFFSET + (3.0, 4.0, 1.2), 0.0)
+            page.until(f"{note} && ({note}.focus(), {note}.click(), document.activeElement.id === 'note-title')")
+            page.key("Escape")
+            page.until("document.activeElement.classList.contains('note')")  # back to where one was
+
+            page.click(*page.value("(({ x, y, width, height }) => [x + width / 2, y + height / 2])"
+                                   "(document.getElementById('full').getBoundingClientRect())"))
+            page.until("document.fullscreenElement === document.documentElement")
+            page.key("f")
+            page.until("document.fullscreenElement === null")
+
+            page.resize(360, 640)
+            page.until("innerWidth === 360 && window.pointglass.panorama.canvas.clientWidth === 360")
+            page.value("document.getElementById('compare').click(), document.getElementById('compare').click()")
+            page.value("document.getElementById('measure').click()")
+            page.until("document.getElementById('message').textContent === 'Click two measured places.'")
+            boxes = ("[...document.querySelectorAll('%s')].filter((each) => each.getClientRects().length).map((each) => {"
+                     "const { left, right, top, bottom } = each.getBoundingClientRect(); return [left, right, top, bottom]; })")
+            buttons = np.array(page.value(boxes % "#tools button"))
+            assert len(buttons) == 8 and buttons[:, 0].min() >= 0 and buttons[:, 1].max() <= 360 and buttons[:, 3].max() <= 640
+            assert (buttons[1:, 0] >= buttons[:-1, 1]).all() and np.ptp(buttons[:, 2:], axis=1).min() >= 40
+            words = np.array(page.value(boxes % "#tools button span"))
+            assert (words[:, 0] >= buttons[:, 0] - 0.5).all() and (words[:, 1] <= buttons[:, 1] + 0.5).all()
+            message, labels = page.value(boxes % "#message")[0], np.array(page.value(boxes % "#handle b"))
+            assert len(labels) == 2 and labels[:, 3].max() < message[2] < message[3] < buttons[:, 2].min()
             panels = []
             for scheme in ("light", "dark"):
                 page.prefers(scheme)
