@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.work.measuring.measure_files import ENDINGS, write_measurements
-from pointglass.viewer.work.measuring.measure_text import value_text
+from pointglass.viewer.work.measuring.measure_text import decimals_of, value_text
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
 from pointglass.viewer.work.measuring.values import evaluate
 
@@ -33,6 +34,7 @@ def one_of_each(seed) -> dict[str, Measurement]:
 
 def test_a_drawing_is_read_without_errors_and_holds_each_kind_on_its_layer(tmp_path, one_of_each):
     import ezdxf
+    from ezdxf.math import Vec3
 
     path = tmp_path / "m.dxf"
     write_measurements(path, list(one_of_each.values()), FEET)
@@ -40,9 +42,19 @@ def test_a_drawing_is_read_without_errors_and_holds_each_kind_on_its_layer(tmp_p
     assert not drawing.audit().errors and drawing.units == 2
     space = drawing.modelspace()
     for kind, made in one_of_each.items():
-        found = [entity for entity in space if entity.dxf.layer == f"POINTGLASS {KINDS[kind].name.upper()}"]
-        (text,) = [entity.dxf.text for entity in found if entity.dxftype() == "TEXT"]
-        assert text == f"{made.name}: {value_text(made, 'ft')}"
+        found: list[Any] = [entity for entity in space if entity.dxf.layer == f"POINTGLASS {KINDS[kind].name.upper()}"]
+        (text,) = [entity.dxf.text for entity in found if entity.dxftype() in ("TEXT", "DIMENSION")]
+        length = f"{evaluate(made).value:.{decimals_of(evaluate(made))}f}"
+        dimensions = [entity for entity in found if entity.dxftype() == "DIMENSION"]
+        assert bool(dimensions) == (kind in ("distance", "height", "pipe", "circle", "point to plane", "plane to plane"))
+        assert text.replace("<>", length) == f"{made.name}: {value_text(made, 'ft')}"
+        for entity in dimensions:
+            # ezdxf's get_measurement takes these points, of the world, for those of the object's frame
+            direction = entity.ocs().to_wcs(Vec3.from_deg_angle(entity.dxf.angle))
+            measured = direction.dot(entity.dxf.defpoint3 - entity.dxf.defpoint2)
+            assert abs(measured) == pytest.approx(evaluate(made).value, rel=1e-9)
+            (drawn,) = [each.plain_text() for each in entity.virtual_entities() if each.dxftype() == "MTEXT"]
+            assert drawn == f"{made.name}: {value_text(made, 'ft')}"
         points = np.array([tuple(entity.dxf.location) for entity in found if entity.dxftype() == "POINT"])
         place = evaluate(made).place
         expected = np.array([place]) if place is not None else np.array([point.position for point in made.points])
@@ -52,6 +64,7 @@ def test_a_drawing_is_read_without_errors_and_holds_each_kind_on_its_layer(tmp_p
     assert np.array([line.dxf.start, line.dxf.end]) == pytest.approx(np.array([first, second]), abs=1e-6)
     fit = one_of_each["circle"].fit
     assert fit is not None
+    circle: Any
     (circle,) = space.query('CIRCLE[layer=="POINTGLASS CIRCLE"]')
     assert np.array(circle.ocs().to_wcs(circle.dxf.center)) == pytest.approx(np.array(fit.place), abs=1e-5)
     assert circle.dxf.radius == pytest.approx(fit.radius)
@@ -108,7 +121,7 @@ def test_names_that_are_no_text_or_would_be_obeyed_are_written_escaped(tmp_path,
     import ezdxf
 
     drawing = ezdxf.readfile(tmp_path / "m.dxf")  # type: ignore[reportPrivateImportUsage]
-    (text,) = drawing.modelspace().query("TEXT")
+    (text,) = drawing.modelspace().query("DIMENSION")
     assert text.dxf.text.startswith("a 0 LINE \\x1b[2J") and len(drawing.modelspace().query("LINE")) == 1
 
 

@@ -53,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="draw lines along what is cut; DXF has these alone, and those of meshes, which are always drawn")
     parser.add_argument("--no-picture", dest="picture", action="store_false",
                         help="leave the points out, with --trace (default: they are drawn)")
+    parser.add_argument("--no-dimensions", dest="dimensions", action="store_false",
+                        help="leave out the measured lengths of a project that lie in the cut (default: they are drawn)")
     parser.add_argument("--out", type=Path, required=True, metavar="F.png|F.pdf|F.dxf",
                         help="the sheet to write; a PDF has a page for each cut")
 
@@ -153,12 +155,14 @@ def run(options: argparse.Namespace) -> int:
     cuts = [cut_of(kind, value, options, scene, document) for kind, value in options.cuts]
     selection = Selection.in_sight(scene, document)
     unit = unit_name(scene.meta.metres_per_unit)
+    measured = document.measurements if options.dimensions else ()
     if options.out.suffix.lower() == ".dxf":
-        lines, models = write_lines(options.out, selection, cuts[0], request, document.meshes)
+        lines, models = write_lines(options.out, selection, cuts[0], request, document.meshes, measured)
         print(f"{trace_text(lines, unit)}, in {options.out}", *model_text(models, unit), sep="\n")
         return 0
     png = options.out.suffix.lower() == ".png"
-    sheets = [make_sheet(selection, cut, request, meshes=document.meshes, number=f"{number} of {len(cuts)}", png=png)
+    sheets = [make_sheet(selection, cut, request, meshes=document.meshes, measurements=measured,
+                         number=f"{number} of {len(cuts)}", png=png)
               for number, cut in enumerate(cuts, 1)]  # fmt: skip
     write_figures(options.out, [(sheet.figure, sheet.dpi) for sheet in sheets])
     for number, sheet in enumerate(sheets, 1):

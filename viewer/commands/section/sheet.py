@@ -18,6 +18,7 @@ from ...common.errors import InputError
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
+from .draw_dimensions import draw_dimensions
 from .model_lines import draw_models
 from .sheet_text import fitting
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...grid.scene import Scene
+    from ...work.dimensioning.dimensions import Dimension
     from ...work.sheets.cut_lines import Trace
     from .model_lines import ModelLines
     from .orthographic import Drawing
@@ -54,6 +56,11 @@ class Paper:
     dpi: int
     metres: float
     assumed: bool
+
+    @property
+    def millimetre(self) -> float:
+        """File units of a millimetre of paper."""
+        return self.scale / 1000 / self.metres
 
     @property
     def pixel(self) -> float:
@@ -134,8 +141,8 @@ def borders(drawing: "Drawing", paper: Paper) -> tuple[int, int, int, int]:
 
 
 def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "Trace | None" = None,
-          models: "Sequence[ModelLines]" = ()) -> "Figure":  # fmt: skip
-    """The sheet as a matplotlib figure, with traced lines and those of meshes where there are any."""
+          models: "Sequence[ModelLines]" = (), dimensions: "Sequence[Dimension]" = ()) -> "Figure":  # fmt: skip
+    """The sheet as a matplotlib figure, with traced lines, those of meshes and dimensions where there are any."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -151,6 +158,7 @@ def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "
         axes.plot(*ring.T, color=_INK, linewidth=CUT_WIDTH, solid_joinstyle="miter")
     draw_models(axes, models, CUT_WIDTH, traced=_INK if trace is not None and trace.lines else None)
     axes.set(xlim=extent[:2], ylim=extent[2:])
+    draw_dimensions(axes, dimensions, paper.millimetre, np.array(extent).reshape(2, 2).T)
     step = round_length(_TICKS / 1000 * paper.scale / paper.metres)
     for axis, low, high in ((axes.xaxis, extent[0], extent[1]), (axes.yaxis, extent[2], extent[3])):
         ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step + 0.0  # no -0

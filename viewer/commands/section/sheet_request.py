@@ -13,11 +13,13 @@ from ... import __version__
 from ...common.text import counted
 from ...picture.meshes.mesh_layer import MeshLayer
 from ...work.measuring.measure_text import unit_name
+from ...work.measuring.measurement import Measurement
 from ...work.selection import Selection
 from ...work.sheets.cut_lines import Trace, trace
 from ...work.sheets.grid_north import axis_name, has_grid_north
 from ...work.sheets.paper_layout import fitted
 from .cut import KINDS, Cut, cut_slab
+from .draw_dimensions import cut_dimensions
 from .model_lines import ModelLines, model_lines, model_text, widened
 from .orthographic import draw, slab_extent, slab_points
 from .paper_sheet import paper_sheet
@@ -33,8 +35,8 @@ THICKNESS = 0.2
 """Metres of a plan or section, unless given."""
 SCALE, DPI = 50.0, 300
 """Of a sheet that is as large as its drawing, unless given."""
-_DXF_GRID = 8.0
-"""Steps of the grid of a DXF along its longer side, at most."""
+_DXF_GRID, _DXF_MILLIMETRES = 8.0, 30.0
+"""Steps of the grid of a DXF along its longer side, at most; millimetres of a step, were it printed."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,12 @@ def paper_of(scene: "Scene", scale: float, dpi: int = DPI) -> Paper:
     return Paper(scale, dpi, float(metres or 1.0), assumed=not metres)
 
 
-def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes: Sequence[MeshLayer] = (), number: str = "1",
-               png: bool = False) -> Sheet:  # fmt: skip
+def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes: Sequence[MeshLayer] = (),
+               measurements: Sequence[Measurement] = (), number: str = "1", png: bool = False) -> Sheet:  # fmt: skip
     """Draws a cut of the points in sight.
 
-    meshes: beside the scan, which are cut.  number: of the sheet, in the title block.  png: whether pixels will be whole.
+    meshes: beside the scan, which are cut.  measurements: of which lengths in the cut become dimensions.
+    number: of the sheet, in the title block.  png: whether pixels will be whole.
     Raises InputError where the cut holds no point, a given scale does not fit, or the drawing is too large.
     """
     scene = selection.scene
@@ -95,14 +98,16 @@ def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes:
     if request.paper is None:
         paper = paper_of(scene, request.scale or SCALE, request.dpi or DPI)
         drawing = draw(selection, cut, paper.pixel, extent, picture=request.picture)
-        figure = sheet(drawing, paper, scene, request.title or scene.meta.title, lines, models)
+        figure = sheet(drawing, paper, scene, request.title or scene.meta.title, lines, models,
+                       cut_dimensions(cut, measurements, scene, paper.millimetre))
         return Sheet(figure, paper.dpi, paper.scale, extent[2], lines, models)
     low, high, count = extent
     metres = float(scene.meta.metres_per_unit or 1.0)
     size = (high - low)[:2] * metres
     layout, scale = fitted(request.paper, request.orientation, (float(size[0]), float(size[1])), request.scale)
     dpi = request.dpi or layout.dpi
-    drawing = draw(selection, cut, paper_of(scene, scale, dpi).pixel, extent, picture=request.picture)
+    paper = paper_of(scene, scale, dpi)
+    drawing = draw(selection, cut, paper.pixel, extent, picture=request.picture)
     room = bar_room(layout)
     bar = max(round_length(share * room / 1000 * scale) for share in (0.2, 0.4, 0.5))
     bar = bar if bar / scale * 1000 <= room else round_length(0.2 * room / 1000 * scale)
@@ -115,14 +120,15 @@ def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes:
         north=cut.kind == "plan" and has_grid_north(scene.meta, cut_up(cut)), bar=(bar, bar / scale * 1000),
     )  # fmt: skip
     figure = paper_sheet(drawing, layout, dpi, (low + high)[:2] / 2, facts, axes_of(cut), metres=metres, scale=scale,
-                         trace=lines, models=models, whole_pixels=png)  # fmt: skip
+                         trace=lines, models=models,
+                         dimensions=cut_dimensions(cut, measurements, scene, paper.millimetre), whole_pixels=png)  # fmt: skip
     return Sheet(figure, dpi, scale, count, lines, models)
 
 
-def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: Sequence[MeshLayer] = ()
-                ) -> tuple[Trace, tuple[ModelLines, ...]]:
-    """Traces the lines of a cut and writes them, and those of meshes, as a DXF drawing in the file's unit.  Raises InputError;
-    then nothing is left behind."""
+def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: Sequence[MeshLayer] = (),
+                measurements: Sequence[Measurement] = ()) -> tuple[Trace, tuple[ModelLines, ...]]:
+    """Traces the lines of a cut and writes them, those of meshes, and the measured lengths in the cut as dimensions, as a DXF
+    drawing in the file's unit.  Raises InputError; then nothing is left behind."""
     from ...work.sheets.cut_dxf import write_cut_dxf
 
     scene, models = selection.scene, model_lines(meshes, cut, (*selection.clips, *selection.within))
@@ -137,7 +143,8 @@ def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest
              f"{counted(count, 'measured point')}; {request.date or time.strftime('%Y-%m-%d')}; "
              f"{request.author + '; ' if request.author else ''}pointglass {__version__}")  # fmt: skip
     write_whole(out, lambda beside: write_cut_dxf(beside, lines, low[:2], high[:2], step, texts, scene.meta.metres_per_unit,
-                                                  [(model.name, model.colour[1], model.lines) for model in models]))
+                                                  [(model.name, model.colour[1], model.lines) for model in models],
+                                                  cut_dimensions(cut, measurements, scene, step / _DXF_MILLIMETRES)))
     return lines, models
 
 

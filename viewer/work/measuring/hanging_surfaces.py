@@ -54,11 +54,11 @@ def _hangs(cells: np.ndarray, beneath: np.ndarray, grid: Grid) -> bool:
     mask[rows - low[0] + margin, columns - low[1] + margin] = True
     mask = np.asarray(binary_closing(mask, _CLOSED))
     # a profile is one cell wide
-    inner = np.asarray(binary_erosion(mask, np.ones(np.minimum(3, 2 * np.array(grid.shape) - 1), bool)))
+    inner: np.ndarray = np.asarray(binary_erosion(mask, np.ones(np.minimum(3, 2 * np.array(grid.shape) - 1), bool)), bool)
     inner = inner if inner.any() else mask  # a cable
     within = np.zeros(mask.shape)
     within[margin:-margin, margin:-margin] = beneath[low[0] : low[0] + shape[0], low[1] : low[1] + shape[1]]
-    around = np.asarray(uniform_filter(within * inner, len(_CLOSED), mode="constant")) * _CLOSED.size
+    around: np.ndarray = np.asarray(uniform_filter(within * inner, len(_CLOSED), mode="constant")) * _CLOSED.size
     return bool((around[inner] > _BENEATH - 0.5).mean() > _HANGING)
 
 

@@ -1,4 +1,5 @@
-"""Measurements as a DXF drawing in three dimensions: a layer for each kind, values as texts.  By ezdxf.
+"""Measurements as a DXF drawing in three dimensions: a layer for each kind, lengths and diameters as dimensions, other values
+as texts.  By ezdxf.
 
 Coordinates and the unit are those of the scan's file.  A pipe is its axis and a circle at each end, a plane a square on it.
 """
@@ -10,9 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...common.text import printable
+from ..dimensioning.dimensions import OFFSET, dimension_text, measured_line
+from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles
 from .measure_shapes import Shapes, shapes_of
-from .measure_text import unit_name, value_text
+from .measure_text import decimals_of, unit_name, value_text
 from .measurement import KINDS, Measurement
+from .values import evaluate
 
 if TYPE_CHECKING:
     from ezdxf.layouts.layout import Modelspace
@@ -33,6 +37,7 @@ def write_dxf(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
     space, unit = drawing.modelspace(), unit_name(metres_per_unit)
     drawn = [(measurement, shapes_of(measurement)) for measurement in measurements]
     height = _TEXT * _size([shapes for _, shapes in drawn])
+    add_styles(drawing, height)
     for measurement, shapes in drawn:
         layer = f"POINTGLASS {KINDS[measurement.kind].name.upper()}"
         if layer not in drawing.layers:
@@ -41,11 +46,25 @@ def write_dxf(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
         if measurement.kind == "pipe" and (fit := measurement.fit) is not None:
             axis, place = np.array(fit.direction), np.array(fit.place)
             space.add_line(place + fit.low * axis, place + fit.high * axis, dxfattribs={"layer": layer, "linetype": "CENTER"})
-        told = f"{printable(measurement.name)}: {value_text(measurement, unit)}"
-        space.add_text(told, height=height, dxfattribs={"layer": layer}).set_placement(shapes.label)
+        if not _dimensioned(space, measurement, shapes, unit, height, layer):
+            told = f"{printable(measurement.name)}: {value_text(measurement, unit)}"
+            space.add_text(told, height=height, dxfattribs={"layer": layer, "style": STYLE}).set_placement(shapes.label)
     if "CENTER" not in drawing.linetypes:
         drawing.linetypes.add("CENTER", [2.0, 1.25, -0.25, 0.25, -0.25], description="Center ____ _ ____")
     drawing.saveas(path)
+
+
+def _dimensioned(space: "Modelspace", measurement: Measurement, shapes: Shapes, unit: str, height: float, layer: str) -> bool:
+    """Adds the dimension of a length or a diameter; False of other kinds, and of a length of 0."""
+    ends, up = measured_line(measurement), np.array(measurement.up)
+    if measurement.kind in ("pipe", "circle"):
+        points = shapes.rings[0].points
+        ends, up = points[[len(points) // 2, 0]], np.array(measurement.fits[0].direction)
+    if ends is None or not np.linalg.norm(ends[1] - ends[0]) > 0:
+        return False
+    text = f"{printable(measurement.name)}: {dimension_text(measurement, unit)}"
+    add_dimension(space, ends, OFFSET * height, text, decimals_of(evaluate(measurement)), layer, up)
+    return True
 
 
 def _add(space: "Modelspace", shapes: Shapes, layer: str) -> None:

@@ -39,7 +39,7 @@ def unit_text(power: int | None, unit: str) -> str:
 def text_of(result: Result, unit: str) -> str:
     """``3.998 ± 0.006 m``: as many digits as the uncertainty supports, at least three significant ones of the value.  Of a
     place ``x 3.998, y 1.203, z 0.004 ± 0.006 m``."""
-    digits = _decimals(result)
+    digits = decimals_of(result)
     gap = "" if result.power == 0 else " "
     known = f" ± {result.uncertainty:.{digits}f}" if result.uncertainty > 0 else ""
     value = f"{result.value:.{digits}f}"
@@ -64,7 +64,7 @@ def labels_of(measurements: Sequence[Measurement], unit: str) -> list[str]:
 def components_text(parts: Components, unit: str) -> str:
     """Two lines, ``horizontal 3.998, vertical -0.012 m`` and ``dx 3.101, dy 2.523, dz -0.012 m``, with the digits of
     :func:`text_of`: the uncertainty of each is that of the distance."""
-    digits = _decimals(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1))
+    digits = decimals_of(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1))
     horizontal, vertical, dx, dy, dz = (f"{value:.{digits}f}" for value in (parts.horizontal, parts.vertical, *parts.along))
     return f"horizontal {horizontal}, vertical {vertical} {unit}\ndx {dx}, dy {dy}, dz {dz} {unit}"
 
@@ -123,7 +123,7 @@ def fit_text(measurement: Measurement, unit: str) -> str:
     return f"{f'length {fit.high - fit.low:.3f} {unit}, ' if fit.kind == 'pipe' else ''}{upright}\n{scatter}"
 
 
-def _decimals(result: Result) -> int:
+def decimals_of(result: Result) -> int:
     """Decimals such that the uncertainty has one digit or two."""
     scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
     return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))

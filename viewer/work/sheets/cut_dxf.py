@@ -1,4 +1,5 @@
-"""Traced lines of a cut as a flat DXF drawing: polylines, a frame of coordinates, texts; a layer for each.  By ezdxf.
+"""Traced lines of a cut as a flat DXF drawing: polylines, dimensions, a frame of coordinates, texts; a layer for each.  By
+ezdxf.
 
 Coordinates are those of the paper in file units: of a plan the x and y of the file, of a section the length along its line and
 the height, of an elevation the coordinate to the right and the height.  z is 0.
@@ -10,28 +11,35 @@ from pathlib import Path
 import numpy as np
 
 from ...common.text import printable
+from ..dimensioning.dimensions import Dimension, laid_apart
+from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles
 from ..measuring.measure_dxf import INSUNITS
 from ..measuring.measure_text import unit_name
 from .cut_lines import Polyline, Trace
 from .paper_layout import grid_places, grid_text
 
-CUT, FRAME, GRID, TEXT = LAYERS = ("POINTGLASS CUT", "POINTGLASS FRAME", "POINTGLASS GRID", "POINTGLASS TEXT")
-_COLOURS = {CUT: 7, FRAME: 8, GRID: 8, TEXT: 8}
-"""Indices of AutoCAD's colours: 7 is black on white, 8 grey."""
+CUT, FRAME, GRID, TEXT, DIMENSIONS = LAYERS = ("POINTGLASS CUT", "POINTGLASS FRAME", "POINTGLASS GRID", "POINTGLASS TEXT",
+                                               "POINTGLASS DIMENSIONS")
+_COLOURS = {CUT: 7, FRAME: 8, GRID: 8, TEXT: 8, DIMENSIONS: 5}
+"""Indices of AutoCAD's colours: 7 is black on white, 8 grey, 5 blue."""
 _CUT_WEIGHT = 35
 """Width of lines of the layer CUT, hundredths of a millimetre."""
 _NOT_IN_NAMES = frozenset('<>/\\":;?*=|`,')
 _HEIGHT, _BESIDE = 0.08, 0.25
 """Height of texts and length of ticks, and the border around what is drawn, in steps of the grid."""
+_WIDTH = 0.75
+"""Of a letter, in heights of the text: of Arial, whose letters are narrower in the mean."""
 
 
 def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, step: float, texts: Sequence[str],
                   metres_per_unit: float | None,
-                  models: Sequence[tuple[str, int, Sequence[Polyline]]] = ()) -> None:  # fmt: skip
+                  models: Sequence[tuple[str, int, Sequence[Polyline]]] = (),
+                  dimensions: Sequence[Dimension] = ()) -> None:  # fmt: skip
     """Writes the drawing to an open path; the caller replaces an older file.
 
     low, high: (2,) paper coordinates of what was measured in the cut.  step: of the grid, file units.  texts: lines beneath the
-    frame.  models: name, AutoCAD's colour and lines of each mesh, on a layer of its own.  Raises OSError.
+    frame.  models: name, AutoCAD's colour and lines of each mesh, on a layer of its own.
+    dimensions: are laid apart here.  Raises OSError.
     """
     import ezdxf
 
@@ -51,6 +59,9 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
     edge = [(left, bottom), (right, bottom), (right, top), (left, top)]
     space.add_lwpolyline(edge, close=True, dxfattribs={"layer": FRAME})
     size = _HEIGHT * step
+    add_styles(drawing, size)
+    for each in laid_apart(dimensions, size, lambda text: _WIDTH * size * len(text)):
+        add_dimension(space, np.array([each.start, each.end]), each.offset, printable(each.text), each.digits, DIMENSIONS)
     xs, ys = grid_places(left, right, step), grid_places(bottom, top, step)
     for x in xs:
         for y, way in ((bottom, -size), (top, size)):
@@ -75,4 +86,4 @@ def model_layer(name: str, number: int) -> str:
 
 
 def _text(space, text: str, place: tuple[float, float], height: float, rotation: float = 0.0) -> None:
-    space.add_text(text, height=height, rotation=rotation, dxfattribs={"layer": TEXT}).set_placement(place)
+    space.add_text(text, height=height, rotation=rotation, dxfattribs={"layer": TEXT, "style": STYLE}).set_placement(place)

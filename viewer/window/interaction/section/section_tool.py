@@ -155,7 +155,8 @@ class SectionTool(Tool):
             return
         scene = replace(scene, meta=context.session.facts)
         selection = Selection.in_sight(scene, document)
-        work = sheet_work(out, selection, cut, self.sheet.request(), document.meshes)
+        work = sheet_work(out, selection, cut, self.sheet.request(), document.meshes,
+                          self.sheet.measured(document.measurements))
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
     def follow(self, context: ToolContext) -> None:
@@ -176,9 +177,10 @@ class SectionTool(Tool):
             return
         scene = replace(scene, meta=context.session.facts)
         selection = Selection.in_sight(scene, document)
-        work, request = preview_work(selection, cut, self.sheet, document.meshes), self.sheet.request()
+        measured, request = self.sheet.measured(document.measurements), self.sheet.request()
+        work = preview_work(selection, cut, self.sheet, document.meshes, measured)
         hidden = selection.hidden, selection.hidden_classes, id(selection.marks)
-        of = cut, request, document.clips, hidden, weakref.ref(context.scene), document.scans, document.meshes
+        of = cut, request, document.clips, hidden, weakref.ref(context.scene), document.scans, document.meshes, measured
         self.preview.follow(context, of, work)
 
     def left(self, context: ToolContext) -> None:

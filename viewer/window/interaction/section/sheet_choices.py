@@ -9,6 +9,7 @@ import numpy as np
 from ....commands.section.cut import Cut
 from ....commands.section.sheet_request import SCALE, SheetRequest, make_sheet, write_lines
 from ....picture.meshes.mesh_layer import MeshLayer
+from ....work.measuring.measurement import Measurement
 from ....work.selection import Selection
 from ....work.sheets.paper_layout import SIZES
 from ...saving.capture import name_kept
@@ -23,17 +24,22 @@ _INCH = 25.4
 
 class SheetChoices:
     """paper: a key of paper_layout.SIZES; None: as large as the drawing.  scale: N of 1:N; None: the largest that fits.
-    lines: whether the lines that are cut are traced.  title, author: of the title block."""
+    lines: whether the lines that are cut are traced.  dimensions: whether measured lengths in the
+    cut are drawn.  title, author: of the title block."""
 
     def __init__(self) -> None:
         self.paper: str | None = None
         self.scale: int | None = int(SCALE)
-        self.lines = False
+        self.lines, self.dimensions = False, True
         self.title = self.author = ""
 
     def request(self, dpi: int | None = None) -> SheetRequest:
         """As the choices are now."""
         return SheetRequest(self.scale, dpi, self.paper, title=self.title, author=self.author, lines=self.lines)
+
+    def measured(self, measurements: tuple[Measurement, ...]) -> tuple[Measurement, ...]:
+        """Those that may be drawn as dimensions."""
+        return measurements if self.dimensions else ()
 
     def panel(self, ui: Any) -> None:
         """The rows of the choices."""
@@ -53,13 +59,16 @@ class SheetChoices:
         self.lines = ui.checkbox("trace lines", self.lines)[1]
         if ui.is_item_hovered():
             ui.set_tooltip("draws a line along walls that are cut; open where nothing was measured")
+        self.dimensions = ui.checkbox("dimensions", self.dimensions)[1]
+        if ui.is_item_hovered():
+            ui.set_tooltip("draws the measured lengths and diameters that lie in the cut")
         for name in ("title", "author") if self.paper else ():
             ui.set_next_item_width(-1)
             setattr(self, name, ui.input_text_with_hint(f"##{name}", name, getattr(self, name))[1])
 
 
-def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: tuple[MeshLayer, ...]
-               ) -> Callable[[], Path]:
+def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: tuple[MeshLayer, ...],
+               measurements: tuple[Measurement, ...]) -> Callable[[], Path]:
     """What draws and saves a sheet, or a DXF of its lines, by the ending of ``out``.  Raises InputError when it is called."""
 
     def work() -> Path:
@@ -67,17 +76,18 @@ def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest,
 
         with name_kept(out):
             if out.suffix.lower() == ".dxf":
-                write_lines(out, selection, cut, request, meshes)
+                write_lines(out, selection, cut, request, meshes, measurements)
             else:
-                made = make_sheet(selection, cut, request, meshes=meshes, png=out.suffix.lower() == ".png")
+                made = make_sheet(selection, cut, request, meshes=meshes, measurements=measurements,
+                                  png=out.suffix.lower() == ".png")
                 write_figures(out, [(made.figure, made.dpi)])
         return out
 
     return work
 
 
-def preview_work(selection: Selection, cut: Cut, choices: SheetChoices, meshes: tuple[MeshLayer, ...]
-                 ) -> Callable[[], np.ndarray]:
+def preview_work(selection: Selection, cut: Cut, choices: SheetChoices, meshes: tuple[MeshLayer, ...],
+                 measurements: tuple[Measurement, ...]) -> Callable[[], np.ndarray]:
     """What draws a coarse picture of a sheet, (H, W, 3) uint8."""
     scene, scale = selection.scene, float(choices.scale or SCALE)
     if choices.paper is None:
@@ -88,7 +98,7 @@ def preview_work(selection: Selection, cut: Cut, choices: SheetChoices, meshes: 
     request = choices.request(dpi)
 
     def work() -> np.ndarray:
-        figure = make_sheet(selection, cut, request, meshes=meshes, png=True).figure
+        figure = make_sheet(selection, cut, request, meshes=meshes, measurements=measurements, png=True).figure
         figure.canvas.draw()
         return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
 

@@ -1,0 +1,87 @@
+"""Measured lengths on sheets and in drawings of a cut, by the command, read back by ezdxf and as texts of a PDF."""
+
+import zlib
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pytest
+from test_paper_sheets import AT, SIDES, room  # noqa: F401
+
+from pointglass.viewer import cli
+from pointglass.viewer.picture.clip import vector
+from pointglass.viewer.work.dimensioning.dimensions import Dimension, laid_apart
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.fits.fit import Fit
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
+from pointglass.viewer.work.project import write_project
+
+RADIUS = 0.35
+
+
+@pytest.fixture
+def project(room, tmp_path):  # noqa: F811
+    """The width of the room in the cut, three times; a height; a way that leans out of a plan; one beside the plan; a pipe."""
+    def between(kind: str, first, second) -> Measurement:
+        ends = [np.array(end) * [*SIDES, 1.0] + [*AT, 0.0] for end in (first, second)]
+        return Measurement(kind, tuple(MeasuredPoint(vector(end), noise=0.001) for end in ends), kind)
+
+    pipe = Fit("pipe", (AT[0] + 3.0, AT[1] + 2.0, 0.0), (0.0, 0.0, 1.0), RADIUS, 0.0, 2.0, 180.0, 0.001, 500,
+               radius_uncertainty=0.002, tilt_uncertainty=0.1)
+    made = [*(between("distance", (0, 0.5, 1.2), (1, 0.5, 1.2)) for _ in range(3)),
+            between("height", (0.5, 0.5, 0), (0.5, 0.5, 2)),
+            between("distance", (0.2, 0.2, 1.15), (0.2, 0.3, 1.25)), between("distance", (0, 0, 2.4), (1, 0, 2.4)),
+            Measurement("pipe", (MeasuredPoint(vector(np.array([AT[0] + 3.35, AT[1] + 2.0, 1.0])), fit=pipe),), "pipe")]
+    write_project(tmp_path / "p.pointglass", Document((ScanFile(str(room)),), measurements=tuple(made)))
+    return tmp_path / "p.pointglass"
+
+
+def test_lengths_in_a_cut_are_dimensions_of_a_drawing(project, tmp_path, capsys):
+    out = tmp_path / "plan.dxf"
+    assert cli.main(["section", str(project), "--plan", "1.2", "--out", str(out)]) == 0
+    drawing = ezdxf.readfile(out)  # type: ignore[reportPrivateImportUsage]
+    assert not drawing.audit().has_errors and drawing.styles.get("POINTGLASS").dxf.font == "arial.ttf"
+    found: list[Any] = list(drawing.modelspace().query('DIMENSION[layer=="POINTGLASS DIMENSIONS"]'))
+    leaning = 0.1 * SIDES[1]
+    assert sorted(each.get_measurement() for each in found) == pytest.approx(
+        sorted([SIDES[0]] * 3 + [leaning, 2 * RADIUS]), rel=1e-9)
+    texts = {each.dxf.text for each in found}
+    assert "Ø <> ± 0.004 units" in texts and f"<> ({np.hypot(leaning, 0.1):.3f} ± 0.003 units in space)" in texts
+    lines = [each.dxf.defpoint.y for each in found if each.get_measurement() > 1]
+    assert np.diff(sorted(lines)).min() > 0.05, "dimensions of one length lie apart"
+    assert cli.main(["section", str(project), "--line", f"{AT[0]},{AT[1] + 3},{AT[0] + 8},{AT[1] + 3}", "--out", str(out)]) == 0
+    section: Any = ezdxf.readfile(out).modelspace().query("DIMENSION")  # type: ignore[reportPrivateImportUsage]
+    assert sorted(each.get_measurement() for each in section) == pytest.approx([2.0] + [SIDES[0]] * 3, rel=1e-9)
+    assert cli.main(["section", str(project), "--plan", "1.2", "--no-dimensions", "--out", str(out)]) == 0
+    assert not ezdxf.readfile(out).modelspace().query("DIMENSION")  # type: ignore[reportPrivateImportUsage]
+
+
+@pytest.mark.parametrize("paper", [[], ["--paper", "A4"]])
+def test_lengths_in_a_cut_are_drawn_on_a_sheet(project, tmp_path, paper):
+    out = tmp_path / "plan.pdf"
+    sizes = []
+    for options in ([], ["--no-dimensions"]):
+        assert cli.main(["section", str(project), "--plan", "1.2", "--no-picture", "--trace", *paper, *options,
+                         "--out", str(out)]) == 0
+        data = out.read_bytes()
+        streams = [zlib.decompressobj().decompress(part.split(b"stream\n", 1)[1]) for part in data.split(b"endobj")
+                   if b"FlateDecode" in part and b"stream\n" in part and b"/Length" in part]
+        sizes.append(sum(stream.count(b"Tj") + stream.count(b"TJ") for stream in streams))
+    assert sizes[0] - sizes[1] >= 5, "as many texts more as there are dimensions"
+
+
+def test_no_text_lies_on_another_or_on_a_line(seed):
+    random = np.random.default_rng(seed)
+    for _ in range(5):
+        ends = random.uniform(0, 10, (12, 2, 2))
+        ends[6:, 1, 1] = ends[6:, 0, 1] = random.uniform(4, 6)  # level, over each other
+        made = [Dimension(tuple(a), tuple(b), "<> ± 0.003 m", 3) for a, b in ends.tolist()]
+        found = laid_apart(made, 0.1, lambda text: 0.06 * len(text))
+        assert [(each.start, each.end) for each in found] == [(each.start, each.end) for each in made]
+        middles = []
+        for each in found:
+            turn = np.radians(each.angle)
+            assert -90 < each.angle <= 90 + 1e-6
+            middles.append(each.line.mean(axis=0) + 0.1 * np.array([-np.sin(turn), np.cos(turn)]))
+        far = np.linalg.norm(np.array(middles)[:, None] - middles, axis=2) + np.eye(12)
+        assert far.min() > 0.14, "texts lie apart by their height at least"

@@ -1,0 +1,1 @@
+"""Measured lengths as dimensions of drawings: where they lie on paper, and as entities of DXF."""
