@@ -23,8 +23,8 @@ def add_styles(drawing: "Drawing", height: float) -> None:
     # names of AutoCAD: text over the line and along it, ticks, a decimal point, zeros at the end kept
     looks = {"dimtxt": height, "dimtxsty": STYLE, "dimtad": 1, "dimtih": 0, "dimtoh": 0, "dimtix": 1, "dimtmove": 0,
              "dimjust": 0, "dimtsz": _TICK * height, "dimasz": _TICK * height, "dimgap": _BESIDE * height,
-             "dimexo": _BESIDE * height, "dimexe": _BESIDE * height, "dimdsep": ord("."), "dimzin": 0, "dimlfac": 1.0, "dimscale": 1.0,
-             "dimtofl": 1}  # fmt: skip
+             "dimexo": _BESIDE * height, "dimexe": _BESIDE * height, "dimdsep": ord("."), "dimzin": 0, "dimlfac": 1.0,
+             "dimscale": 1.0, "dimtofl": 1}  # fmt: skip
     drawing.dimstyles.add(STYLE, dxfattribs=looks)
 
 
