@@ -1,6 +1,7 @@
 // Copies the network's output, four half-precision channels a pixel (RGB and coverage, 0..1), into the texture that is shown.
 // COPIED: the output was copied to a texture.
-// PHOTOGRAPHS: their share of the filled picture is kept.
+// PHOTOGRAPHS: their colours come over it, as far as they count, which COUNTED writes.  Reference implementation of this:
+// model/reference/photo_colours.py, over_network.
 // BOUNDED: the filled picture's alpha is an upper bound: background stays background.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
@@ -14,7 +15,11 @@ layout(rgba8, binding = 0) uniform writeonly image2D neural;
 uniform sampler2D filled;
 #endif
 #ifdef PHOTOGRAPHS
-uniform sampler2D photographs;
+#include "common_spacing.glsl"
+uniform sampler2D photographs;  // their colours and share
+#endif
+#ifdef COUNTED
+layout(r8, binding = 1) uniform writeonly image2D counted;
 #endif
 
 void main() {
@@ -30,9 +35,16 @@ void main() {
 #ifdef BOUNDED
     alpha *= texelFetch(filled, at, 0).w;
 #endif
-    vec3 colour = rgba.rgb * alpha;
 #ifdef PHOTOGRAPHS
-    colour = mix(colour, texelFetch(filled, at, 0).rgb, texelFetch(photographs, at, 0).x);
+    vec4 photo = texelFetch(photographs, at, 0);
+    vec3 apart = abs(photo.rgb - rgba.rgb);
+    float sparse = clamp((spacing_at(at) - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
+    float agree = clamp((APART_TO - 255.0 * max(apart.r, max(apart.g, apart.b))) / (APART_TO - APART_FROM), 0.0, 1.0);
+    float counts = photo.a * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
+    rgba.rgb = mix(rgba.rgb, photo.rgb, counts);
 #endif
-    imageStore(neural, at, vec4(colour, alpha));
+#ifdef COUNTED
+    imageStore(counted, at, vec4(counts));
+#endif
+    imageStore(neural, at, vec4(rgba.rgb * alpha, alpha));
 }

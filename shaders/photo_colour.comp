@@ -1,32 +1,23 @@
-// Colours the filled picture, and the network's input, from photographs.  Reference implementation:
+// Colours the filled picture from photographs.  ALONE: also writes their own colours.  Reference implementation:
 // model/reference/photo_colours.py; viewer/render/photographs/photo_loops.py does the same on the processor.
 // A workgroup finds the depths of its pixels and the photographs whose frustum meets them, which changes no pixel.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 #include "common_photographs.glsl"
+#include "common_spacing.glsl"
 uniform sampler2D depth;    // view-space z of the filled picture, 0 where it is not opaque
 uniform sampler2D certain;  // of photo_surface.comp
-uniform sampler2D grid;     // of photo_spacing.comp
 uniform vec4 lens;          // fx, fy, cx, cy in pixels
 uniform int photographs;    // records
 layout(rgba8, binding = 0) uniform image2D filled;
 layout(r8, binding = 1) uniform writeonly image2D share;
-#ifdef NETWORK
-layout(std430, binding = NETWORK_BINDING) buffer Input { uvec4 pixels[]; };
+#ifdef ALONE
+layout(rgba8, binding = 2) uniform writeonly image2D colours;
 #endif
 
 shared uint near_bits, far_bits;  // of positive depths, which have the order of their bits
 shared int count;
 shared int candidates[MOST_PHOTOGRAPHS];
-
-float spacing_at(ivec2 at) {
-    vec2 place = (vec2(at) + 0.5) / float(BLOCK) - 0.5;
-    ivec2 low = ivec2(floor(place)), last = textureSize(grid, 0) - 1;
-    vec2 t = place - vec2(low);
-    ivec2 a = clamp(low, ivec2(0), last), b = clamp(low + 1, ivec2(0), last);
-    float upper = mix(texelFetch(grid, a, 0).x, texelFetch(grid, ivec2(b.x, a.y), 0).x, t.x);
-    return mix(upper, mix(texelFetch(grid, ivec2(a.x, b.y), 0).x, texelFetch(grid, b, 0).x, t.x), t.y);
-}
 
 float certainty(ivec2 at, ivec2 size) {
     float least = 1.0;
@@ -122,6 +113,9 @@ void main() {
     if (!inside) return;
     if (sure <= 0.0 || count == 0) {
         imageStore(share, at, vec4(0.0));
+#ifdef ALONE
+        imageStore(colours, at, vec4(0.0));
+#endif
         return;
     }
     vec3 place = place_of(at), view = normalize(place);
@@ -156,7 +150,7 @@ void main() {
         float inner = AT_BORDER + (1.0 - AT_BORDER) * min(border / (BORDER * wide), 1.0);
         float weight = confidence * facing * inner / ((LEAST_ANGLE + 1.0 - clamp(dot(ray, view), -1.0, 1.0)) * footprint);
         if (!(weight > weights.z)) continue;
-        vec3 seen = vec3(pixel, footprint);
+        vec3 shown = vec3(pixel, footprint);
         int rank = weight > weights.x ? 0 : weight > weights.y ? 1 : 2;
         if (rank < 2) {
             weights.z = weights.y; confident.z = confident.y; who.z = who.y; where[2] = where[1];
@@ -164,49 +158,42 @@ void main() {
         if (rank < 1) {
             weights.y = weights.x; confident.y = confident.x; who.y = who.x; where[1] = where[0];
         }
-        weights[rank] = weight; confident[rank] = confidence; who[rank] = photo; where[rank] = seen;
+        weights[rank] = weight; confident[rank] = confidence; who[rank] = photo; where[rank] = shown;
     }
-    vec3 colours[4];
+    vec3 seen[4];
     vec4 old = imageLoad(filled, at);
-    colours[3] = floor(255.0 * old.rgb + 0.5);
+    seen[3] = floor(255.0 * old.rgb + 0.5);
     for (int k = 0; k < 3; ++k) {
-        colours[k] = weights[k] > 0.0 ? sampled(who[k], where[k].xy, where[k].z) : vec3(0.0);
-        if (weights[k] <= 0.0 || colours[k].x < 0.0) {
+        seen[k] = weights[k] > 0.0 ? sampled(who[k], where[k].xy, where[k].z) : vec3(0.0);
+        if (weights[k] <= 0.0 || seen[k].x < 0.0) {
             weights[k] = confident[k] = 0.0;
-            colours[k] = vec3(0.0);
+            seen[k] = vec3(0.0);
         }
     }
     vec4 all = vec4(weights, POINTS_VOTE * max(weights.x, max(weights.y, weights.z)));
     float least = 1e30, part = max(confident.x, max(confident.y, confident.z));
-    vec3 middle = colours[3];
+    vec3 middle = seen[3];
     for (int j = 0; j < 4; ++j) {
         float cost = 0.0;
-        for (int k = 0; k < 4; ++k) cost += all[k] * apart(colours[k], colours[j]);
+        for (int k = 0; k < 4; ++k) cost += all[k] * apart(seen[k], seen[j]);
         if (all[j] > 0.0 && cost < least) {
             least = cost;
-            middle = colours[j];
+            middle = seen[j];
         }
     }
     float total = 0.0;
     vec3 mean = vec3(0.0);
     for (int k = 0; k < 3; ++k) {
-        vec3 off = abs(colours[k] - middle);
+        vec3 off = abs(seen[k] - middle);
         float agrees = 1.0 + pow(max(off.x, max(off.y, off.z)) / AGREES, 2.0), weight = weights[k] / (agrees * agrees);
         total += weight;
-        mean += weight * colours[k];
+        mean += weight * seen[k];
     }
     if (!(total > 0.0)) part = 0.0;
     imageStore(share, at, vec4(part));
-    if (part <= 0.0) return;
-    vec3 made = floor(mix(colours[3], clamp(mean / total, 0.0, 255.0), part) + 0.5) / 255.0;
-    imageStore(filled, at, vec4(made, old.a));
-#ifdef NETWORK
-    uvec4 pixel = pixels[at.y * size.x + at.x];
-    pixel.x = packHalf2x16(made.rg);
-    uint blue = packHalf2x16(vec2(made.b, 1.0));
-    bool prevails = floor(part * 255.0 + 0.5) > 127.0;  // measured without noise
-    pixel.y = prevails ? blue : (blue & 0xFFFFu) | (pixel.y & 0xFFFF0000u);
-    pixel.z = prevails ? pixel.z & 0xFFFFu : pixel.z;
-    pixels[at.y * size.x + at.x] = pixel;
+    mean = total > 0.0 ? clamp(mean / total, 0.0, 255.0) : vec3(0.0);
+#ifdef ALONE
+    imageStore(colours, at, vec4(mean / 255.0, part));
 #endif
+    if (part > 0.0) imageStore(filled, at, vec4(floor(mix(seen[3], mean, part) + 0.5) / 255.0, old.a));
 }

@@ -47,6 +47,14 @@ POINTS_VOTE = 0.2
 with."""
 AGREES = 25.0
 """Difference from that colour, sRGB levels, at which a photograph's weight is a quarter."""
+OVER = (0.65, 0.9)
+"""Share of the photographs where they meet the network's picture: at DENSE[0] and from DENSE[1] on.  The network has not learned
+from photographs, and the errors of both are independent in part."""
+DENSE = (1.0, 2.0)
+"""Pixels between measured pixels: points are as dense as pixels at the first, sparse from the second on."""
+APART = (40.0, 80.0)
+"""Largest difference of a channel, sRGB levels, from which on photographs are given up against the network among dense points:
+a reflection, or a surface that they hit a pixel beside.  They are gone at the second."""
 BLOCK = 8
 """Pixels along a side of the blocks in which measured pixels are counted."""
 MOST_LEVELS = 8
@@ -73,8 +81,9 @@ class ReferencePhoto:
 
 
 def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, lens: tuple[float, float, float, float],
-                 photographs: list[ReferencePhoto]) -> tuple[np.ndarray, np.ndarray]:
-    """The filled picture with the colours of photographs, (H, W, 3) float64 of 0..255, and their share, (H, W) float64 0..1.
+                 photographs: list[ReferencePhoto]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The filled picture with the colours of photographs, (H, W, 3) float64 of 0..255; their own colours, the same, 0 where they
+    have none; and their share, (H, W) float64 0..1.
 
     filled: (H, W, 4) uint8, premultiplied.  depth: (H, W) float32, view-space z, 0 where the picture is not opaque.
     measured: (H, W) bool.  lens: fx, fy, cx, cy of the picture, pixels.
@@ -102,8 +111,22 @@ def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, le
     weight = weight * _votes(colour, weight, base)
     total = weight.sum(0)
     share = np.where(total > 0, confidence.max(0), 0.0)
-    mean = (weight[..., None] * colour).sum(0) / np.maximum(total, 1e-30)[..., None]
-    return base + (np.clip(mean, 0, 255) - base) * share[..., None], share
+    mean = np.clip((weight[..., None] * colour).sum(0) / np.maximum(total, 1e-30)[..., None], 0, 255)
+    return base + (mean - base) * share[..., None], mean, share
+
+
+def over_network(network: np.ndarray, photo: np.ndarray, share: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The network's picture with the colours of photographs over it, (H, W, 3) float64 of 0..255, and how much of each pixel is
+    from them, (H, W) 0..1.
+
+    network: (H, W, 3) of 0..255, made without photographs.  photo, share: their colours and share, of :func:`photographed`.
+    spacing: of :func:`spacing_in_pixels`.
+    """
+    sparse = np.clip((spacing - DENSE[0]) / (DENSE[1] - DENSE[0]), 0, 1)
+    apart = np.abs(photo - network).max(-1)
+    agree = np.clip((APART[1] - apart) / (APART[1] - APART[0]), 0, 1)
+    counts = share * (OVER[0] + (OVER[1] - OVER[0]) * sparse) * (agree + (1 - agree) * sparse)
+    return network + (photo - network) * counts[..., None], counts
 
 
 def certainty(z: np.ndarray) -> np.ndarray:

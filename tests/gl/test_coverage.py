@@ -91,7 +91,7 @@ def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context,
     picture, bridge = context.texture((53, 37), 4), ReadBackBridge(context, (53, 37))
     bridge.output.write(made)
     shown_bridge = bridge if copied else SimpleNamespace(output=bridge.output)
-    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture, photo_share=None,
+    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture, photographs=None,
                             _unpack=neural.unpacking(programs, copied=copied is not None))  # fmt: skip
     try:
         neural.NeuralStage.present(stage, filled)  # type: ignore[arg-type]

@@ -34,7 +34,7 @@ def bench(context, seed):
     textures = {view: context.texture(size, 4, image.tobytes(), alignment=1) for view, image in images.items()}
     depths = context.texture(size, 1, depth.tobytes(), alignment=1, dtype="f4")
     masks = context.texture(size, 1, (mask * np.uint8(255)).tobytes(), alignment=1)
-    frame = SimpleNamespace(textures=textures, depth_texture=depths, mask_texture=masks, photo_share=None, ratio_depth=None)
+    frame = SimpleNamespace(textures=textures, depth_texture=depths, mask_texture=masks, photo_shares={}, ratio_depth=None)
     programs = Programs(context)
     developer = Developer(programs, size)
     yield SimpleNamespace(frame=frame, images=images, depth=depth, mask=mask, developer=developer, random=random)
@@ -84,14 +84,15 @@ def test_the_tint_is_that_of_the_reference_to_the_byte(bench):
 
 def test_the_tint_of_photographs_is_that_of_the_reference_to_the_byte(bench, context):
     share = bench.random.integers(0, 256, bench.mask.shape, dtype=np.uint8)
-    bench.frame.photo_share = context.texture(share.shape[::-1], 1, share.tobytes(), alignment=1)
+    texture = context.texture(share.shape[::-1], 1, share.tobytes(), alignment=1)
+    bench.frame.photo_shares = {"filled": texture, "neural": texture}
     for view, image in bench.images.items():
         out = read(bench.developer.run(bench.frame, view, Look(), tint=True))
         assert (out == tinted(view, image, bench.mask, bench.images["filtered"], share > 127)).all(), view
     shown = locked(bench.images["neural"], bench.images["filtered"], bench.mask)
     out = read(bench.developer.run(bench.frame, "neural", Look(), tint=True, lock=True))
     assert (out == tinted("neural", shown, bench.mask, bench.images["filtered"], (share > 127) & ~bench.mask)).all()
-    bench.frame.photo_share.release()
+    texture.release()
 
 
 def test_the_lock_shows_measured_pixels_as_measured(bench):

@@ -8,9 +8,12 @@ import pytest
 
 from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.network.bridge import ReadBackBridge
+from pointglass.viewer.render.network.neural import unpacking
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_photo
 from pointglass.viewer.render.photographs.photo_shader import PhotoShader, ResidentPool
+from pointglass.viewer.render.photographs.photo_surface_loops import count_measured
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "render"))
 
@@ -31,30 +34,60 @@ def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
     numbers, pool.presence = list(range(len(prepared) - 1)), {1: 0.5, 3: 0.8}  # they fade in
     programs, size = Programs(context), (width, height)
     step, resident = PhotoShader(programs, size), ResidentPool(context, pool)
-    textures = [context.texture(size, 4, filled.tobytes()), context.texture(size, 1, depth.tobytes(), dtype="f4"),
-                context.texture(size, 1, measured.tobytes(), alignment=1), context.texture(size, 1, alignment=1)]
-    given = rng.integers(0, 1 << 32, (height, width, 4), dtype=np.uint32)
-    network = context.buffer(given.tobytes())
+    textures = [context.texture(size, 4, filled.tobytes()), context.texture(size, 1, alignment=1), context.texture(size, 4),
+                context.texture((-(-width // 8), -(-height // 8)), 1, dtype="f4"),
+                context.texture(size, 1, depth.tobytes(), dtype="f4"), context.texture(size, 1, measured.tobytes(), alignment=1)]
     try:
         for again in range(2):
             if again:  # one photograph takes the place of another
                 pool.put(8, prepared[8], keep=frozenset(range(7)))
                 numbers = [number for number in range(9) if number in pool]
                 textures[0].write(filled.tobytes())
-                network.write(given.tobytes())
-            told = given.copy()
-            wanted, part = photographed(filled, depth, measured, camera, pool, numbers, told)
-            step.run(textures[0], textures[3], textures[1], textures[2], camera, resident, numbers, network)
-            made = np.frombuffer(textures[0].read(), np.uint8).reshape(filled.shape)
-            share = np.frombuffer(textures[3].read(alignment=1), np.uint8).reshape(height, width)
+            told = np.zeros_like(filled)
+            wanted, part, blocks = photographed(filled, depth, measured, camera, pool, numbers, told)
+            step.run(*textures, camera, resident, numbers)
+            made, own = (np.frombuffer(textures[k].read(), np.uint8).reshape(filled.shape).astype(int) for k in (0, 2))
+            share = np.frombuffer(textures[1].read(alignment=1), np.uint8).reshape(height, width)
+            assert np.allclose(np.frombuffer(textures[3].read(), np.float32).reshape(blocks.shape), blocks, rtol=1e-6)
             assert 0.1 < np.mean(part > 25) < 0.99  # the case decides something
             assert np.mean(np.abs(share.astype(int) - part) > 2) < 0.004
-            assert np.mean(np.abs(made.astype(int) - wanted).max(-1) > 1) < 0.004
-            out = np.frombuffer(network.read(), np.uint32).reshape(given.shape)
-            assert np.array_equal(out[..., 3], given[..., 3]) and np.mean((out == told).all(-1)) > 0.8
-            coloured = (part > 0) & (share > 0)
-            halves = [array.view(np.float16).reshape(height, width, 8)[coloured, :3].astype(float) for array in (out, told)]
-            assert np.mean(np.abs(halves[0] - halves[1]).max(-1) > 1.6 / 255) < 0.004
+            assert np.mean(np.abs(made - wanted).max(-1) > 1) < 0.004
+            assert np.array_equal(own[..., 3], share)
+            assert np.mean(np.abs(own - told)[(part > 0) & (share > 0)].max(-1) > 1) < 0.004
     finally:
-        for owned in (programs, step, resident, network, *textures):
+        for owned in (programs, step, resident, *textures):
+            owned.release()
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_photographs_come_over_the_networks_picture_as_the_reference_says(context, bounded, seed):
+    """And how far is written where the picture is shown at once."""
+    rng = np.random.default_rng(seed)
+    width, height = 53, 37
+    measured = rng.random((height, width)) < np.linspace(0.02, 1.2, width)  # from sparse to dense
+    made = rng.uniform(0, 1, (height, width, 4)).astype(np.float16)
+    made[..., 3] = 1
+    close = np.clip(255 * made[..., :3].astype(float) + rng.normal(0, 40, (height, width, 3)), 0, 255)
+    photo = np.dstack([np.rint(close), rng.integers(0, 256, (height, width))]).astype(np.uint8)
+    blocks = np.empty((-(-height // reference.BLOCK), -(-width // reference.BLOCK)), np.float32)
+    count_measured(np.where(measured, 255, 0).astype(np.uint8), blocks)
+    programs, bridge = Programs(context), ReadBackBridge(context, (width, height))
+    bridge.output.write(made)
+    step = unpacking(programs, copied=True, bounded=bounded, photographs=True)
+    textures = [context.texture((width, height), 4), context.texture((width, height), 1, alignment=1),
+                context.texture((width, height), 4, photo.tobytes()), context.texture(blocks.shape[::-1], 1, blocks, dtype="f4"),
+                context.texture((width, height), 4, bytes([255] * 4 * width * height))]
+    inputs = {"copied": bridge.output_texture(), "photographs": textures[2], "grid": textures[3]}
+    try:
+        step.run(*textures[: 2 if bounded else 1], inputs=inputs | ({"filled": textures[4]} if bounded else {}))
+        shown = np.frombuffer(textures[0].read(), np.uint8).reshape(height, width, 4).astype(int)
+        wanted, counts = reference.over_network(255 * made[..., :3].astype(float), photo[..., :3].astype(float),
+                                                photo[..., 3] / 255, reference.spacing_in_pixels(measured))
+        assert counts.min() < 0.1 < 0.8 < counts.max()
+        assert np.abs(shown[..., :3] - wanted).max() < 0.6 and (shown[..., 3] == 255).all()
+        if bounded:
+            told = np.frombuffer(textures[1].read(alignment=1), np.uint8).reshape(height, width)
+            assert np.abs(told - 255 * counts).max() < 0.6
+    finally:
+        for owned in (*textures, bridge, programs):
             owned.release()

@@ -2,7 +2,9 @@
 the same bytes as one that waited."""
 
 import itertools
+import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,7 +52,7 @@ def test_photographs_come_later_and_make_the_same_picture(context, wall):
                 steps.append(frame.image("filled").astype(int))
             changes = [np.abs(after - before).mean() for before, after in itertools.pairwise(steps)]
             assert len(changes) > 3 and max(changes) < 0.4 * np.abs(steps[-1] - steps[0]).mean() > 0
-        share = frame.from_photographs()
+        share = frame.from_photographs("filled")
         assert share is not None and share.mean() > 0.5 and frame.facts.photographs == 1
         made.append(frame.image("filled").copy())
         renderer.release()
@@ -65,8 +67,33 @@ def test_shaders_and_loops_make_one_picture(context, wall):
         renderer.photographs.give("wall", [photo])
         renderer.photographs.shaders = shaders
         frame = renderer.render(camera, Settings(view="neural", quality="fast", photos="wall"), ("filled", "neural"))
-        made.append([frame.image(view).astype(int) for view in ("filled", "neural")] + [frame.from_photographs()])
+        made.append([frame.image(view).astype(int) for view in ("filled", "neural")] + [frame.from_photographs("neural")])
         renderer.release()
     assert made[1][2].mean() > 0.5 and np.mean(made[0][2] != made[1][2]) < 0.004
     for loops, shaders in zip(made[0][:2], made[1][:2], strict=True):
         assert np.mean(np.abs(loops - shaders).max(-1) > 1) < 0.004
+
+
+def test_a_network_that_goes_on_in_flight_keeps_the_photographs_of_its_own_picture(context, wall):
+    scene, photo, here = wall
+    pose = np.eye(4)
+    pose[:2, 3] = -0.5, 0.2
+    there, ended = from_fov(160, 120, 60.0, pose), threading.Event()
+    renderer = Renderer(context, scene, device="cpu")
+    renderer.photographs.give("wall", [photo])
+    renderer._runs._wake = ended.set
+    settings, target = Settings(view="neural", quality="fast", photos="wall"), context.texture((160, 120), 4)
+    try:
+        frame = renderer.render(here, settings)
+        exact, part = frame.image("neural").astype(int), frame.from_photographs("neural")
+        alone = renderer.render(here, replace(settings, photos="off")).image("neural").astype(int)
+        assert part is not None and part.mean() > 0.5 and np.abs(exact - alone)[part].mean() > 5
+        renderer.render(here, settings, ("filled", "neural"), filled_depth=True, streaming=True, defer_network=True,
+                        keep_network=True)
+        renderer.render(there, settings, ("filled",), streaming=True, keep_network=True)
+        assert ended.wait(60) and renderer.finish_earlier(target)
+        made = np.frombuffer(target.read(), np.uint8).reshape(120, 160, 4).astype(int)
+        assert np.abs(made - exact)[exact[..., 3] == 255].max() <= 1
+    finally:
+        target.release()
+        renderer.release()

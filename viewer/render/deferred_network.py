@@ -32,7 +32,7 @@ class NetworkRuns:
         """
         pending, facts, self._earlier = None, frame.facts, None
         if deferred and network.deferrable:
-            pending = self._start(network, frame, serial, missing)
+            pending = self._start(network, frame, serial, keep=keep, missing=missing)
             if keep and pending:
                 self._earlier = network, serial
         else:
@@ -44,22 +44,22 @@ class NetworkRuns:
             with self._stages("present"):
                 network.present(frame.textures["filled"])
             network.presented = frame.camera.key
-            frame.textures["neural"] = network.picture
+            network.add_to(frame)
         if self._earlier is not None:
             return facts  # the frame will not show it
         return replace(facts, device=network.device, network=network.name, bridge=network.bridge_name, network_pending=pending,
                        approximations=(*facts.approximations, *network.approximations))
 
-    def _start(self, network: "NeuralStage", frame: Frame, serial: int, missing: int) -> bool:
+    def _start(self, network: "NeuralStage", frame: Frame, serial: int, *, keep: bool, missing: int) -> bool:
         """Starts the network, unless points are missing, and shows the previous neural picture meanwhile where its camera is
         the same.  Returns whether it runs."""
         if network.presented == frame.camera.key:
-            frame.textures["neural"] = network.picture
+            network.add_to(frame)
         if missing:
             network.drop()
         else:
             with self._stages("hand over"):
-                network.start(serial, self._wake)
+                network.start(serial, self._wake, keep=keep)
         return not missing
 
     def finish(self, network: "NeuralStage | None", fill: "Fill | None", frame: Frame, serial: int) -> bool:
@@ -73,7 +73,7 @@ class NetworkRuns:
         if milliseconds is None:
             return False
         network.presented = frame.camera.key
-        frame.textures["neural"] = network.picture
+        network.add_to(frame)
         frame.facts = replace(frame.facts, network_pending=False)
         frame.times.add("network", milliseconds)
         return True

@@ -76,7 +76,7 @@ class Composer:
     def provenance(self, frame: "Frame", spec: "PictureSpec") -> np.ndarray:
         """(H, W) uint8: where each pixel of the first view comes from, a key of viewer.picture.provenance.PROVENANCE."""
         view = spec.views[0]
-        found = provenance(view, frame.image(view), frame.mask(), frame.from_photographs())
+        found = provenance(view, frame.image(view), frame.mask(), frame.from_photographs(view))
         if spec.shows_meshes:
             found[model_pixels(frame, view, self.meshes(frame).draw(frame, spec.edits))] = MODELLED
         return found

@@ -90,7 +90,7 @@ class Frame:
 
     filled_depth: R32F, view-space z in file units of the filled picture, 0 where it is not opaque; None where it was not asked
     for.  ratio_depth: R32F, the depth of which ratios are compared (viewer.render.passes.depth_ratios); None: depth_texture.
-    photo_share: R8, how much of each pixel of the filled and the neural view is from photographs; None: nothing."""
+    photo_shares: of the filled and the neural view, R8, how much of each pixel is from photographs; absent: nothing."""
 
     camera: "Camera"
     textures: dict[str, "moderngl.Texture"]
@@ -99,7 +99,7 @@ class Frame:
     facts: FrameFacts = field(repr=False)
     times: "Times" = field(repr=False)
     filled_depth: "moderngl.Texture | None" = None
-    photo_share: "moderngl.Texture | None" = None
+    photo_shares: "dict[str, moderngl.Texture]" = field(default_factory=dict)
     ratio_depth: "moderngl.Texture | None" = None
 
     def image(self, view: str) -> np.ndarray:
@@ -119,10 +119,9 @@ class Frame:
         texture = self.mask_texture
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
 
-    def from_photographs(self) -> np.ndarray | None:
-        """(H, W) bool: filled and neural pixels coloured by photographs for the larger part; None where no photograph was
-        used."""
-        if (texture := self.photo_share) is None:
+    def from_photographs(self, view: str) -> np.ndarray | None:
+        """(H, W) bool: pixels of a view coloured by photographs for the larger part; None where no photograph was used."""
+        if (texture := self.photo_shares.get(view)) is None:
             return None
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width) > 127
 

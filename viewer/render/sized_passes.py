@@ -101,17 +101,18 @@ class SizedPasses:
 
     def add_photographs(self, frame: "Frame", photographs: "ScenePhotographs", numbers: list[int],
                         network: "NeuralStage | None", stages: "Stages") -> None:
-        """Colours the filled picture, and the input of ``network`` from these photographs; ``frame`` says so then."""
+        """Colours the filled picture from these photographs, and lets them come over that of ``network``; ``frame`` says so
+        then."""
         if numbers:
             fill = self.fill_pass()
             assert fill.depth is not None and frame.mask_texture is not None
             self.photos = self.photos or PhotoPass(self.programs, self.size)
             with stages("photographs"):
                 self.photos.run(fill.filled, fill.depth, frame.mask_texture, frame.camera, photographs, numbers,
-                                network.bridge.input if network else None)
-            frame.photo_share, frame.facts = self.photos.share, replace(frame.facts, photographs=len(numbers))
+                                alone=network is not None)
+            frame.photo_shares["filled"], frame.facts = self.photos.share, replace(frame.facts, photographs=len(numbers))
         if network is not None:
-            network.photo_share = frame.photo_share
+            network.photographs = self.photos if numbers else None
 
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
         """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""

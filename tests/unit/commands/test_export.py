@@ -31,7 +31,7 @@ class FakeRenderer:
         self.asked.append(views)
         shape = (camera.height, camera.width)
         return SimpleNamespace(image=lambda view: np.zeros((*shape, 4), np.uint8), depth=lambda: np.ones(shape, np.float32),
-                               mask=lambda: np.ones(shape, bool), from_photographs=lambda: None, stats={"total_ms": 1.0})
+                               mask=lambda: np.ones(shape, bool), from_photographs=lambda view: None, stats={"total_ms": 1.0})
 
 
 def fake() -> Any:

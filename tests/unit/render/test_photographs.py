@@ -55,18 +55,22 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
     for number, photo in enumerate(prepared):
         pool.put(number, photo)
     pool.presence = {0: 0.4, 5: 0.7}  # they fade in
-    made, share = photographed(filled, depth, measured, camera, pool, list(range(len(given))))
+    colours = np.zeros_like(filled)
+    made, share, grid = photographed(filled, depth, measured, camera, pool, list(range(len(given))), colours)
     photos = []
     for number, (picture, valid, which, lens, around, pose, nearest, gains) in enumerate(given):
         turn = pose[:3, :3].T @ camera.view_rotation.T
         shift = pose[:3, :3].T @ (camera.position - pose[:3, 3])
         photos.append(reference.ReferencePhoto(mip_levels(picture, valid), which, lens, around, turn, shift, nearest, gains,
                                                pool.presence.get(number, 1.0)))
-    wanted, part = reference.photographed(filled, depth, measured > 127, (camera.fx, camera.fy, camera.cx, camera.cy), photos)
+    wanted, mean, part = reference.photographed(filled, depth, measured > 127, (camera.fx, camera.fy, camera.cx, camera.cy), photos)
     assert 0.1 < np.mean(part > 0.1) < 0.99  # the case decides something
     assert np.mean(np.abs(share / 255 - part) > 0.01) < 0.004
     assert np.mean(np.abs(made[..., :3] - wanted).max(-1) > 1.5) < 0.004
-    assert np.array_equal(made[..., 3], filled[..., 3])
+    assert np.array_equal(made[..., 3], filled[..., 3]) and np.array_equal(colours[..., 3], share)
+    assert np.mean(np.abs(colours[..., :3] - mean)[share > 0].max(-1) > 1.5) < 0.004
+    blocks = reference.spacing_in_pixels(measured > 127)[4::8, 4::8]  # half a pixel beside their middles
+    assert np.abs(grid[: len(blocks), : blocks.shape[1]] - blocks).max() < 0.5
     untouched = part == 0
     assert np.mean((made != filled)[untouched]) < 0.004
 

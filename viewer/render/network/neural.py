@@ -21,6 +21,7 @@ from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
 from ..device.match_device import use_matching_device
+from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, PhotoColours, inputs_of
 from .background_capture import BackgroundRunner
 from .bridge import Network, ReadBackBridge
 from .choose_bridge import make_bridge
@@ -28,6 +29,8 @@ from .network_thread import NetworkThread
 
 if TYPE_CHECKING:
     import moderngl
+
+    from ..frame import Frame
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
@@ -61,11 +64,14 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
 
 def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True, photographs: bool = False) -> Pass:
     """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer.  bounded: the filled
-    picture's alpha is a bound.  photographs: their share of the filled picture is kept."""
-    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()), *(("photographs",) if photographs else ()))
-    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural",), inputs=inputs,
-                buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
-                BOUNDED=1 if bounded else None, PHOTOGRAPHS=1 if photographs else None)  # fmt: skip
+    picture's alpha is a bound.  photographs: their colours come over it, and if bounded, how far is written, too."""
+    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()),
+              *(("photographs", "grid") if photographs else ()))
+    counted = photographs and bounded
+    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural", *(("counted",) if counted else ())),
+                inputs=inputs, buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
+                BOUNDED=1 if bounded else None, PHOTOGRAPHS=1 if photographs else None, COUNTED=1 if counted else None,
+                **(OVER_NETWORK if photographs else {}))  # fmt: skip
 
 
 class NeuralStage:
@@ -76,7 +82,7 @@ class NeuralStage:
     filtered: whether a depth filter ran, which decides the weights.  weights: a file used instead.
     device: auto, cuda or cpu.  ``cuda`` raises DeviceError where CUDA does not work; ``auto`` falls back to the CPU, which
     ``device`` and ``name`` show.  presented: the camera of ``picture``, None while it holds none.
-    photo_share: R8, the photographs' share of each pixel of the filled picture that is presented next; None: they have none.
+    photographs: what comes over the picture that is presented next; None: nothing.
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
@@ -92,7 +98,11 @@ class NeuralStage:
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self.presented: object = None
-        self.photo_share: moderngl.Texture | None = None
+        self.photographs: PhotoColours | None = None
+        self._kept: KeptPhotographs | None = None  # of the run under way, where later pictures change the above
+        self._keeps = False
+        self._counted: moderngl.Texture | None = None  # R8: how much of ``picture`` is from photographs
+        self._counts = False
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
         try:
@@ -106,8 +116,7 @@ class NeuralStage:
                 raise failure from error
             raise
         self._programs = programs
-        self._unpack_alone: Pass | None = None  # made when it is first needed
-        self._unpack_photographed: Pass | None = None
+        self._passes: dict[tuple[bool, bool], Pass] = {}  # (bounded, with photographs), each made when it is first needed
         self._unpack = unpacking(programs, copied=isinstance(self.bridge, ReadBackBridge))
         self.picture = self.context.texture(size, 4, dtype="f1")
 
@@ -168,11 +177,15 @@ class NeuralStage:
         """Whether :meth:`start` can be used: pixels go through host memory.  With a mapped buffer the host never waits."""
         return isinstance(self.bridge, ReadBackBridge)
 
-    def start(self, serial: int, wake: Callable[[], None]) -> None:
+    def start(self, serial: int, wake: Callable[[], None], *, keep: bool = False) -> None:
         """Reads back the fill pass's output and starts the network on its own thread.
 
-        serial: identifies the picture.  wake: called on that thread at the end.
+        serial: identifies the picture.  wake: called on that thread at the end.  keep: for :meth:`finish_into`.
         """
+        self._keeps = keep and self.photographs is not None
+        if self._keeps and self.photographs is not None:
+            self._kept = self._kept or KeptPhotographs(self.context, self.photographs)
+            self._kept.take(self.photographs)
         width, height = self.picture.size
         self.context.memory_barrier()
         packed = np.frombuffer(bytearray(self.bridge.input.read()), np.float16).reshape(height, width, PACKED_IN)
@@ -202,8 +215,8 @@ class NeuralStage:
         if self._take(serial) is None:
             return False
         assert isinstance(self.bridge, ReadBackBridge)
-        self._unpack_alone = self._unpack_alone or unpacking(self._programs, copied=True, bounded=False)
-        self._unpack_alone.run(target, inputs={"copied": self.bridge.output_texture()})
+        kept, inputs = self._kept if self._keeps else None, {"copied": self.bridge.output_texture()}
+        self._pass(bounded=False, photographs=kept is not None).run(target, inputs=inputs | inputs_of(kept))
         return True
 
     def _take(self, serial: int) -> float | None:
@@ -225,17 +238,31 @@ class NeuralStage:
         """Forgets a picture whose network has not begun or whose result was not presented; interrupts a run under way."""
         self._thread.drop()
 
+    def _pass(self, *, bounded: bool, photographs: bool) -> Pass:
+        key = bounded, photographs
+        if key not in self._passes:
+            copied = isinstance(self.bridge, ReadBackBridge)
+            self._passes[key] = unpacking(self._programs, copied=copied, bounded=bounded, photographs=photographs)
+        return self._passes[key]
+
     def present(self, filled) -> None:
-        """Writes the network's pixels into ``picture``, with the filled picture's alpha, and its colours where they are from
-        photographs: the networks have not learned from photographs, and soften them."""
-        unpack, inputs, copied = self._unpack, {"filled": filled}, isinstance(self.bridge, ReadBackBridge)
-        if self.photo_share is not None:
-            self._unpack_photographed = self._unpack_photographed or unpacking(self._programs, copied=copied, photographs=True)
-            unpack, inputs = self._unpack_photographed, {**inputs, "photographs": self.photo_share}
+        """Writes the network's pixels into ``picture``, with the filled picture's alpha, and over them the photographs."""
+        unpack, outputs, inputs = self._unpack, [self.picture], {"filled": filled} | inputs_of(self.photographs)
+        self._counts = self.photographs is not None
+        if self._counts:
+            self._counted = self._counted or self.context.texture(self.picture.size, 1, dtype="f1", alignment=1)
+            unpack, outputs = self._pass(bounded=True, photographs=True), [*outputs, self._counted]
         if isinstance(self.bridge, ReadBackBridge):
-            unpack.run(self.picture, inputs={**inputs, "copied": self.bridge.output_texture()})
+            unpack.run(*outputs, inputs={**inputs, "copied": self.bridge.output_texture()})
         else:
-            unpack.run(self.picture, inputs=inputs, buffers={"NETWORK": self.bridge.output})
+            unpack.run(*outputs, inputs=inputs, buffers={"NETWORK": self.bridge.output})
+
+    def add_to(self, frame: "Frame") -> None:
+        """The picture presented last is the neural view of ``frame``."""
+        frame.textures["neural"] = self.picture
+        frame.photo_shares.pop("neural", None)
+        if self._counts and self._counted is not None:
+            frame.photo_shares["neural"] = self._counted
 
     def release(self) -> None:
         self._thread.close()
@@ -243,4 +270,6 @@ class NeuralStage:
         if self._runner is not None:
             with self._thread.lock:  # a run under way needs it to its end
                 self._runner.release()
-        self.picture.release()
+        for owned in (self.picture, self._counted, self._kept):
+            if owned is not None:
+                owned.release()

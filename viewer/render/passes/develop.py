@@ -44,7 +44,7 @@ class Rendered(Protocol):
     def mask_texture(self) -> "moderngl.Texture | None": ...
 
     @property
-    def photo_share(self) -> "moderngl.Texture | None": ...
+    def photo_shares(self) -> "dict[str, moderngl.Texture]": ...
 
 
 class Developer:
@@ -77,7 +77,7 @@ class Developer:
             inputs = {"picture": picture, "measured": measured, "mask": mask or picture}
             colours = [provenance_tint.COLOURS[key] for key in (BACKGROUND, MEASURED, REPAINTED, FILLED)]
             passes = VIEWS[view].passes
-            share = frame.photo_share if "fill" in passes else None
+            share = frame.photo_shares.get(view)
             inputs |= {"photographs": share} if share is not None else {}
             kind = _REPAINTED if "network" in passes else _MASKED if "filter" in passes else 0
             more = {} if share is None else {"photographed": provenance_tint.COLOURS[PHOTOGRAPHED],

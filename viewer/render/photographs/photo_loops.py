@@ -15,6 +15,9 @@ from .photo_surface_loops import SURROUNDINGS, surface
 from .photo_tile_loops import (
     BLUE,
     GREEN,
+    MEAN_BLUE,
+    MEAN_GREEN,
+    MEAN_RED,
     PIXELS,
     PLANE,
     PLANES,
@@ -37,9 +40,6 @@ from .photo_tile_loops import (
     weigh,
 )
 
-HALVES = (np.arange(256) / 255).astype(np.float16).view(np.uint16).astype(np.uint32)
-"""Half-precision bits of a level 0..255 as the network takes it."""
-_ONE = np.uint32(0x3C00)  # 1.0 in half precision
 _ROUNDED = 1.001  # bounds are computed in float32
 _F = np.float32
 
@@ -114,11 +114,11 @@ def _outside(num, whole, u, v, near, far):
 
 
 @compiled(nogil=True)
-def photograph_rows(filled, depth, grid, lens, numbers, places, pool, network, made, share, first, last):
+def photograph_rows(filled, depth, grid, lens, numbers, places, pool, made, share, colours, first, last):
     """Colours made (H, W) uint32, a copy of ``filled``, and share (H, W) uint8, zeros, in tile rows ``first`` to ``last``.
 
     filled: (H, W) uint32, RGBA8.  grid: of count_measured.  lens: (4,) float32.  pool: its words, uint32.
-    network: (H, W, 4) uint32, the network's input, changed where photographs colour; (0, 0, 4): none.
+    colours: (H, W) uint32, zeros: gets the photographs' own colours, and their share as alpha; (0, 0): none.
     """
     height, width = depth.shape
     ranges, texels, most = pool.view(np.float32), pool.view(np.int32), len(numbers)
@@ -158,7 +158,7 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, network, m
                 for k in range(used, MOST):
                     slots[k, WEIGHT : WEIGHT + PIXELS] = _F(0.0)
                 vote(s, slots[0], slots[1], slots[2])
-            _write(s, top, left, filled, network, made, share)
+            _write(s, top, left, filled, made, share, colours)
 
 
 @compiled(nogil=True)
@@ -175,29 +175,22 @@ def _unpack(filled, top, left, s):
 
 
 @compiled(nogil=True)
-def _write(s, top, left, filled, network, made, share):
-    """Sets the colours of a tile, and those in the network's input: where the photograph prevails, measured without noise."""
+def _write(s, top, left, filled, made, share, colours):
+    """Sets the colours of a tile, and where asked for those of the photographs alone."""
     height, width = filled.shape
-    half = _F(0.5)
     for j in range(min(TILE, height - top)):
-        y, line, shares, old, at = top + j, made[top + j], share[top + j], filled[top + j], TILE * j
+        line, shares, old, at = made[top + j], share[top + j], filled[top + j], TILE * j
         for i in range(min(TILE, width - left)):
-            red, green = np.int32(s[RED + at + i] + half), np.int32(s[GREEN + at + i] + half)
-            colour = red | green << 8 | np.int32(s[BLUE + at + i] + half) << 16
+            colour = _packed(s, RED + at + i, GREEN + at + i, BLUE + at + i)
             line[left + i] = (old[left + i] & np.uint32(0xFF000000)) | np.uint32(colour)
-            shares[left + i] = np.uint8(np.int32(s[SHARE + at + i] * _F(255.0) + half))
-        if len(network) > 0:
+            shares[left + i] = np.uint8(np.int32(s[SHARE + at + i] * _F(255.0) + _F(0.5)))
+        if len(colours) > 0:
             for i in range(min(TILE, width - left)):
-                if s[SHARE + at + i] > _F(0.0):
-                    _tell_network(network[y, left + i], line[left + i], shares[left + i])
+                colour = np.uint32(_packed(s, MEAN_RED + at + i, MEAN_GREEN + at + i, MEAN_BLUE + at + i))
+                colours[top + j, left + i] = colour | np.uint32(shares[left + i]) << np.uint32(24)
 
 
-@compiled(nogil=True)
-def _tell_network(pixel, colour, part):
-    mask = np.uint32(255)
-    pixel[0] = HALVES[colour & mask] | HALVES[(colour >> np.uint32(8)) & mask] << np.uint32(16)
-    blue = HALVES[(colour >> np.uint32(16)) & mask]
-    if part > 127:
-        pixel[1], pixel[2] = blue | _ONE << np.uint32(16), pixel[2] & np.uint32(0xFFFF)
-    else:
-        pixel[1] = blue | (pixel[1] & np.uint32(0xFFFF0000))
+@compiled(nogil=True, inline="always")
+def _packed(s, red, green, blue):
+    half = _F(0.5)
+    return np.int32(s[red] + half) | np.int32(s[green] + half) << 8 | np.int32(s[blue] + half) << 16

@@ -62,34 +62,32 @@ class PhotoShader:
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
         self._programs, self.size = programs, size
-        blocks = -(-size[0] // constants.BLOCK), -(-size[1] // constants.BLOCK)
         self._certain = programs.context.texture(size, 1, dtype="f4")
-        self._grid = programs.context.texture(blocks, 1, dtype="f4")
         self._surface = Pass(programs, "photographs", "photo_surface.comp", outputs=("certain",), inputs=("depth",), **_SURFACE)
         self._spacing = Pass(programs, "photographs", "photo_spacing.comp", outputs=("grid",), inputs=("mask",),
                              BLOCK=constants.BLOCK)
         self._colours: dict[bool, Pass] = {}
 
-    def run(self, filled: "moderngl.Texture", share: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture",
-            camera: "Camera", resident: ResidentPool, numbers: list[int], network: "Storage | None") -> None:
-        """As PhotoPass.run; share: R8, written everywhere."""
+    def run(self, filled: "moderngl.Texture", share: "moderngl.Texture", colours: "moderngl.Texture | None",
+            grid: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture", camera: "Camera",
+            resident: ResidentPool, numbers: list[int]) -> None:
+        """As PhotoPass.run; share, colours and grid: as there, written everywhere."""
         buffers = resident.update(numbers, camera)
         self._surface.run(self._certain, inputs={"depth": depth})
-        self._spacing.run(self._grid, inputs={"mask": mask})
-        buffers |= {} if network is None else {"NETWORK": network}
-        inputs = {"depth": depth, "certain": self._certain, "grid": self._grid}
-        self.colouring(network is not None).run(filled, share, inputs=inputs, buffers=buffers, photographs=len(numbers),
+        self._spacing.run(grid, inputs={"mask": mask})
+        inputs, written = {"depth": depth, "certain": self._certain, "grid": grid}, [filled, share]
+        self.colouring(colours is not None).run(*written, *(() if colours is None else (colours,)), inputs=inputs,
+                                                buffers=buffers, photographs=len(numbers),
                                                 lens=(camera.fx, camera.fy, camera.cx, camera.cy))
 
-    def colouring(self, told: bool) -> Pass:
-        """The pass that colours, made when it is first needed.  told: also the network's input."""
-        if told not in self._colours:
-            self._colours[told] = Pass(
-                self._programs, "photographs", "photo_colour.comp", outputs=("filled", "share"),
-                inputs=("depth", "certain", "grid"), uniforms=("lens", "photographs"),
-                buffers=("PHOTOS", "PHOTO_RECORDS", *(("NETWORK",) if told else ())), NETWORK=1 if told else None, **_COLOUR)
-        return self._colours[told]
+    def colouring(self, alone: bool) -> Pass:
+        """The pass that colours, made when it is first needed.  alone: it also writes the photographs' own colours."""
+        if alone not in self._colours:
+            self._colours[alone] = Pass(
+                self._programs, "photographs", "photo_colour.comp",
+                outputs=("filled", "share", *(("colours",) if alone else ())), inputs=("depth", "certain", "grid"),
+                uniforms=("lens", "photographs"), buffers=("PHOTOS", "PHOTO_RECORDS"), ALONE=1 if alone else None, **_COLOUR)
+        return self._colours[alone]
 
     def release(self) -> None:
         self._certain.release()
-        self._grid.release()

@@ -40,13 +40,13 @@ class WhatIsReal(Tool):
         if frame is self._frame and seen == self._seen:
             return
         names = ("mask", view, *(["filtered"] if "filtered" in frame.textures else []),
-                 *(["photographs"] if frame.photo_share is not None else []))
+                 *([f"{view} photographs"] if view in frame.photo_shares else []))
         read = {name: context.viewport.pixels.read(frame, name) for name in names}
         mask, image = read["mask"], read[view]
         if mask is None or image is None or any(pixels is None for pixels in read.values()):
             return  # it follows a frame or two later
         locked = view == "neural" and context.document.lock_measured  # then nothing that was measured is repainted
-        photographs = read.get("photographs")
+        photographs = read.get(f"{view} photographs")
         if locked and photographs is not None:
             photographs = photographs & ~mask
         self.shares = shares("filled" if locked else view, image, mask, read.get("filtered"), photographs)

@@ -113,10 +113,8 @@ def _texture_of(frame: "Frame", name: str) -> "moderngl.Texture":
     if name == "mask":
         assert frame.mask_texture is not None
         return frame.mask_texture
-    if name == "photographs":
-        assert frame.photo_share is not None
-        return frame.photo_share
-    return frame.textures[name]
+    view, _, photographs = name.partition(" ")
+    return frame.photo_shares[view] if photographs else frame.textures[view]
 
 
 def _words(texture: "moderngl.Texture") -> int:

@@ -117,7 +117,8 @@ class SidePictures:
         depth = self._copied((number, "depth"), frame.depth_texture)
         kept = replace(frame, textures=made, depth_texture=depth, mask_texture=copied("mask", frame.mask_texture),
                        filled_depth=copied("filled depth", frame.filled_depth),
-                       photo_share=copied("photographs", frame.photo_share),
+                       photo_shares={name: self._copied((number, f"{name} photographs"), texture)
+                                     for name, texture in frame.photo_shares.items()},
                        ratio_depth=depth if frame.ratio_depth is frame.depth_texture else copied("ratio", frame.ratio_depth))
         frames, views = [*(self.frames or (kept, kept))], [*(self.views or (view, view))]
         frames[number], views[number] = kept, view

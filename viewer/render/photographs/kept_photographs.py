@@ -1,0 +1,54 @@
+"""What comes over the network's picture: the photographs' own colours, and those kept of a picture whose network goes on.
+
+shaders/network_output.comp lays them over it.  While a network goes on in flight, later pictures write their own colours into
+the same textures (photo_pass): a copy stays with the run.
+"""
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ....model.reference import photo_colours as constants
+
+if TYPE_CHECKING:
+    import moderngl
+
+OVER_NETWORK: dict[str, Any] = {
+    "BLOCK": constants.BLOCK,
+    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("OVER", "DENSE", "APART") for k, end in enumerate(("FROM", "TO"))},
+}
+"""Constants of the shader."""
+
+
+class PhotoColours(Protocol):
+    """colours: RGBA8, the photographs' own colours with their share as alpha.  grid: R32F, by block, pixels between measured
+    pixels."""
+
+    @property
+    def colours(self) -> "moderngl.Texture": ...
+    @property
+    def grid(self) -> "moderngl.Texture": ...
+
+
+def inputs_of(photographs: PhotoColours | None) -> "dict[str, moderngl.Texture]":
+    """The shader's inputs by its own names."""
+    return {} if photographs is None else {"photographs": photographs.colours, "grid": photographs.grid}
+
+
+class KeptPhotographs:
+    """Owns copies for the picture size of ``like``."""
+
+    def __init__(self, context: "moderngl.Context", like: PhotoColours):
+        self._context = context
+        self.colours = context.texture(like.colours.size, 4, dtype="f1")
+        self.grid = context.texture(like.grid.size, 1, dtype="f4")
+        self._targets = context.framebuffer([self.colours]), context.framebuffer([self.grid])
+
+    def take(self, photographs: PhotoColours) -> None:
+        """Copies what they hold now."""
+        for target, texture in zip(self._targets, (photographs.colours, photographs.grid), strict=True):
+            source = self._context.framebuffer([texture])
+            self._context.copy_framebuffer(target, source)
+            source.release()
+
+    def release(self) -> None:
+        for owned in (*self._targets, self.colours, self.grid):
+            owned.release()
