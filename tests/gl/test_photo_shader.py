@@ -36,7 +36,8 @@ def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
     step, resident = PhotoShader(programs, size), ResidentPool(context, pool)
     textures = [context.texture(size, 4, filled.tobytes()), context.texture(size, 1, alignment=1), context.texture(size, 4),
                 context.texture((-(-width // 8), -(-height // 8)), 1, dtype="f4"),
-                context.texture(size, 1, depth.tobytes(), dtype="f4"), context.texture(size, 1, measured.tobytes(), alignment=1)]
+                context.texture(size, 1, depth.tobytes(), dtype="f4"),
+                context.texture(size, 1, measured.tobytes(), alignment=1)]
     try:
         for again in range(2):
             if again:  # one photograph takes the place of another
@@ -75,7 +76,8 @@ def test_photographs_come_over_the_networks_picture_as_the_reference_says(contex
     bridge.output.write(made)
     step = unpacking(programs, copied=True, bounded=bounded, photographs=True)
     textures = [context.texture((width, height), 4), context.texture((width, height), 1, alignment=1),
-                context.texture((width, height), 4, photo.tobytes()), context.texture(blocks.shape[::-1], 1, blocks, dtype="f4"),
+                context.texture((width, height), 4, photo.tobytes()),
+                context.texture(blocks.shape[::-1], 1, blocks.tobytes(), dtype="f4"),
                 context.texture((width, height), 4, bytes([255] * 4 * width * height))]
     inputs = {"copied": bridge.output_texture(), "photographs": textures[2], "grid": textures[3]}
     try:

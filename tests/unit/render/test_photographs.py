@@ -63,7 +63,8 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
         shift = pose[:3, :3].T @ (camera.position - pose[:3, 3])
         photos.append(reference.ReferencePhoto(mip_levels(picture, valid), which, lens, around, turn, shift, nearest, gains,
                                                pool.presence.get(number, 1.0)))
-    wanted, mean, part = reference.photographed(filled, depth, measured > 127, (camera.fx, camera.fy, camera.cx, camera.cy), photos)
+    lens = camera.fx, camera.fy, camera.cx, camera.cy
+    wanted, mean, part = reference.photographed(filled, depth, measured > 127, lens, photos)
     assert 0.1 < np.mean(part > 0.1) < 0.99  # the case decides something
     assert np.mean(np.abs(share / 255 - part) > 0.01) < 0.004
     assert np.mean(np.abs(made[..., :3] - wanted).max(-1) > 1.5) < 0.004

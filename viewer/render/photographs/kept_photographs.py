@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
 OVER_NETWORK: dict[str, Any] = {
     "BLOCK": constants.BLOCK,
-    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("OVER", "DENSE", "APART") for k, end in enumerate(("FROM", "TO"))},
-}
+    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("OVER", "DENSE", "APART")
+       for k, end in enumerate(("FROM", "TO"))},
+}  # fmt: skip
 """Constants of the shader."""
 
 

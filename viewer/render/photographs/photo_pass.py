@@ -47,9 +47,9 @@ def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, ca
 
 
 class PhotoPass:
-    """Owns, for one picture size, ``share`` (R8), the photographs' share of each pixel of the last filled picture; and what comes
-    over the network's: ``colours`` (RGBA8), their own colours with their share as alpha, and ``grid`` (R32F, by block), the
-    pixels between measured pixels."""
+    """Owns, for one picture size, ``share`` (R8), the photographs' share of each pixel of the last filled picture; and what
+    comes over the network's: ``colours`` (RGBA8), their own colours with their share as alpha, and ``grid`` (R32F, by block),
+    the pixels between measured pixels."""
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
         self.size, self._programs = size, programs
