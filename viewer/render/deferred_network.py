@@ -44,7 +44,7 @@ class NetworkRuns:
             with self._stages("present"):
                 network.present(frame.textures["filled"])
             network.presented = frame.camera.key
-            network.add_to(frame)
+            _add(network, frame)
         if self._earlier is not None:
             return facts  # the frame will not show it
         return replace(facts, device=network.device, network=network.name, bridge=network.bridge_name, network_pending=pending,
@@ -54,7 +54,7 @@ class NetworkRuns:
         """Starts the network, unless points are missing, and shows the previous neural picture meanwhile where its camera is
         the same.  Returns whether it runs."""
         if network.presented == frame.camera.key:
-            network.add_to(frame)
+            _add(network, frame)
         if missing:
             network.drop()
         else:
@@ -73,7 +73,7 @@ class NetworkRuns:
         if milliseconds is None:
             return False
         network.presented = frame.camera.key
-        network.add_to(frame)
+        _add(network, frame)
         frame.facts = replace(frame.facts, network_pending=False)
         frame.times.add("network", milliseconds)
         return True
@@ -94,3 +94,12 @@ class NetworkRuns:
     def forget_earlier(self) -> None:
         """The networks of earlier frames were dropped."""
         self._earlier = None
+
+
+def _add(network: "NeuralStage", frame: Frame) -> None:
+    """The picture that ``network`` presented last is the neural view of ``frame``."""
+    frame.textures["neural"] = network.picture
+    if network.photo_share is not None:
+        frame.photo_shares["neural"] = network.photo_share
+    else:
+        frame.photo_shares.pop("neural", None)

@@ -30,8 +30,6 @@ from .network_thread import NetworkThread
 if TYPE_CHECKING:
     import moderngl
 
-    from ..frame import Frame
-
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
 
@@ -257,12 +255,10 @@ class NeuralStage:
         else:
             unpack.run(*outputs, inputs=inputs, buffers={"NETWORK": self.bridge.output})
 
-    def add_to(self, frame: "Frame") -> None:
-        """The picture presented last is the neural view of ``frame``."""
-        frame.textures["neural"] = self.picture
-        frame.photo_shares.pop("neural", None)
-        if self._counts and self._counted is not None:
-            frame.photo_shares["neural"] = self._counted
+    @property
+    def photo_share(self) -> "moderngl.Texture | None":
+        """R8: how much of each pixel of ``picture`` is from photographs; None: nothing."""
+        return self._counted if self._counts else None
 
     def release(self) -> None:
         self._thread.close()
