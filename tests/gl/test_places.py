@@ -18,6 +18,7 @@ from pointglass.viewer.grid.place.open_place import open_place
 from pointglass.viewer.grid.scene import packed, unpack
 from pointglass.viewer.picture.edits import Edits
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.culling.enclosed_directions import Enclosure
 from pointglass.viewer.render.renderer import Renderer
 from pointglass.viewer.work.places.pick import pick
 from pointglass.viewer.work.scan_files import files_of
@@ -46,8 +47,11 @@ def both(files):
     return replace(place, noise=one.noise, spacing=one.spacing), one
 
 
-def pictures(context, scene, camera, raster, **options):
+def pictures(context, scene, camera, raster, sampled, **options):
+    """sampled: the scene whose sample tells the directions that are enclosed; another grid of the same points has another sample,
+    and a hole at the limit another answer."""
     renderer = Renderer(context, scene, raster=raster)
+    renderer._enclosure = Enclosure(sampled)
     try:
         frame = renderer.render(camera, Settings(view="neural"), views=VIEWS, **options)
         depth, mask = frame.depth(), frame.mask()
@@ -89,13 +93,13 @@ def test_a_place_is_drawn_as_one_grid_of_its_points(context, agree, tmp_path, se
     assert len(place.cell_coords) > len(one.cell_coords)  # cells of several grids at one place
     for number in range(3):
         camera = camera_in(one, seed + number, (160, 120))
-        made, depth, mask = pictures(context, place, camera, raster)
-        expected, _, _ = pictures(context, one, camera, raster)
+        made, depth, mask = pictures(context, place, camera, raster, one)
+        expected, _, _ = pictures(context, one, camera, raster, one)
         assert agree(made, expected)
         assert made["raw"].any()
     hidden = Edits(hidden_stations=frozenset({1, 3}))
-    made, _, _ = pictures(context, place, camera, raster, edits=hidden)
-    expected, _, _ = pictures(context, one, camera, raster, edits=hidden)
+    made, _, _ = pictures(context, place, camera, raster, one, edits=hidden)
+    expected, _, _ = pictures(context, one, camera, raster, one, edits=hidden)
     assert agree(made, expected)
     rows, columns = np.nonzero(mask)
     for k in np.random.default_rng(seed).integers(0, len(rows), 5):
