@@ -48,8 +48,8 @@ def both(files):
 
 
 def pictures(context, scene, camera, raster, sampled, **options):
-    """sampled: the scene whose sample tells the directions that are enclosed; another grid of the same points has another sample,
-    and a hole at the limit another answer."""
+    """sampled: the scene whose sample of points decides which directions are enclosed.  Another grid of the same points has
+    another sample, which changes the answer for some holes."""
     renderer = Renderer(context, scene, raster=raster)
     renderer._enclosure = Enclosure(sampled)
     try:
