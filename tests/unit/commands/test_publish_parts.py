@@ -13,8 +13,10 @@ import pytest
 
 from pointglass.viewer.cli import main
 from pointglass.viewer.commands.publishing.coming_files import ComingFiles
+from pointglass.viewer.commands.publishing.cube_faces import face_cameras
 from pointglass.viewer.commands.publishing.data_scripts import comment_of, script
 from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
+from pointglass.viewer.commands.publishing.face_margins import BAND, blended, with_margin, without_margin
 from pointglass.viewer.commands.publishing.measured_data import measurements_data
 from pointglass.viewer.commands.publishing.plan_picture import storeys
 from pointglass.viewer.work.measuring.measure_shapes import shapes_of
@@ -253,3 +255,36 @@ def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_ru
         old = dict.fromkeys(["index.html", "notes/0", "places/000.first.js", "places/001.first.js"], "old")
         assert found == (dict.fromkeys(names, "new") if killed else old | {"coming/places/000.first.js": "new"})
     assert left[0] > 0  # the last one was not killed
+
+
+def test_faces_that_differ_are_blended_at_their_edges_only(seed):
+    """Pictures of a function of the direction alone, each face with another brightness: pixels beside edges differ by as little
+    as pixels inside do, and beyond the band each is that of its own picture."""
+    rng, side = np.random.default_rng(seed), 128
+    cameras, waves = face_cameras(np.zeros(3), side), rng.normal(size=(3, 3))
+    offsets = rng.uniform(-20, 20, 6)
+
+    def colours(rays):
+        return 120 + 60 * np.sin(2 * rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ waves)
+
+    def rays_of(camera, x, y):
+        return np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], -1) @ camera.view_rotation
+
+    wide = []
+    for camera, offset in zip(map(with_margin, cameras), offsets, strict=True):
+        x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+        wide.append(np.rint(colours(rays_of(camera, x, y)) + offset).clip(0, 255).astype(np.uint8))
+    made, band = blended(wide, cameras), int(np.ceil(BAND * side))
+    inner = slice(band, side - band)
+    assert all((face[inner, inner] == without_margin(own)[inner, inner]).all() for face, own in zip(made, wide, strict=True))
+    middle, place = np.arange(side) + 0.5, np.arange(side)
+    for number, camera in enumerate(cameras):
+        for x, y, rows, columns in ((middle, np.full(side, -0.5), 0, place), (middle, np.full(side, side + 0.5), -1, place),
+                                    (np.full(side, -0.5), middle, place, 0), (np.full(side, side + 0.5), middle, place, -1)):
+            rays = rays_of(camera, x, y)
+            beside = max(set(range(6)) - {number}, key=lambda other: float(rays[side // 2] @ cameras[other].forward))
+            seen = rays @ cameras[beside].view_rotation.T
+            u, v = (np.clip(((seen[:, axis] / seen[:, 2] + 1) * side / 2).astype(int), 0, side - 1) for axis in (0, 1))
+            step = np.abs(made[number][rows, columns].astype(float) - made[beside][v, u])
+            assert step.max() <= 40 / (2 * band) + 12 * np.abs(waves).max() * 60 / side
+            assert step.mean() < 4 + 40 / (2 * band)

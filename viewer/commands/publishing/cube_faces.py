@@ -1,7 +1,10 @@
 """The six faces of a place: pictures of 90-degree cameras that meet edge to edge, with depth and provenance.
 
-A face is exactly what ``pointglass render`` makes of its camera.  Frame: file coordinates; the cube stands upright by the
-document's up axis, its first face looks along the first axis of the upright world.
+A face is what ``pointglass render`` makes of its camera with a margin, which is cut away; at its edges it is blended with its
+neighbours (face_margins.py).  The raw view, depth and what was measured are those of the camera itself.
+
+Frame: file coordinates; the cube stands upright by the document's up axis, its first face looks along the first axis of the
+upright world.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +17,7 @@ from ...picture.camera import Camera, from_fov, look_at
 from ...picture.spec import PictureSpec
 from ...work.places.up_axis import upright_axes
 from .depth_codes import DepthScale
+from .face_margins import blended, with_margin
 
 if TYPE_CHECKING:
     from ...render.described_picture import Composer
@@ -65,11 +69,11 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
     multiple of ``depth_side``.  second: a view without the network.  Raises DeviceError."""
     from ...render.described_picture import render
 
-    pictures, others, depths, masks = [], [], [], []
+    wide, others, depths, masks = [], [], [], []
     small, large = (face_cameras(position, size, spec.edits.up) for size in (depth_side, side))
     for camera in large:
-        one = replace(spec, camera=camera)
-        pictures.append(composite(composer.images(render(renderer, one), one)[0], spec.background))
+        one = replace(spec, camera=with_margin(camera))
+        wide.append(composite(composer.images(render(renderer, one), one)[0], spec.background))
     for camera in small:
         one = replace(spec, camera=camera, settings=replace(spec.settings, view="filled"), views=("filled",))
         frame = render(renderer, one, more=() if second is None else (second,), filled_depth=True)
@@ -81,7 +85,7 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
             others.append(composite(composer.images(frame, shown)[0], spec.background))
     stacked = np.stack(depths)
     scale = DepthScale.of(stacked)
-    whole = np.stack(pictures)
+    whole = blended(wide, large)
     return PlaceFaces(whole, reduced(whole, side // depth_side), np.stack(others) if others else None, scale.codes(stacked),
                       np.stack(masks), scale)
 

@@ -40,6 +40,7 @@ from .coming_files import NAME, ComingFiles
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
 from .depth_codes import packed_depth
+from .face_margins import BAND, MARGIN
 from .note_pictures import picture_scripts
 from .scene_data import scene_data
 
@@ -168,7 +169,7 @@ class Publication:
             "changed": [file.stat().st_mtime_ns if file.exists() else 0 for file in sources], "settings": asdict(self.settings),
             "edits": to_json(self._edits), "position": place.position.tolist(), "form": asdict(self.form),
             "background": self._spec(place).background,
-            "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE],
+            "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE], "edges": [MARGIN, BAND],
         }  # fmt: skip
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 

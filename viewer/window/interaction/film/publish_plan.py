@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....commands.publishing.cube_faces import face_cameras
+from ....commands.publishing.face_margins import with_margin
 from ....commands.publishing.places import Place, chosen_places
 from ....commands.publishing.scene_data import EYE, plans_of
 from ....work.ghosts import prepared
@@ -89,7 +90,7 @@ def _seconds(scene: "Scene", document: "Document", settings: "Settings", place: 
             start = perf_counter()
             for camera in face_cameras(place.position, _TRIED, document.up)[:2]:
                 start = perf_counter()
-                renderer.render(camera, settings, (settings.view,), edits=document.edits).image(settings.view)
+                renderer.render(with_margin(camera), settings, (settings.view,), edits=document.edits).image(settings.view)
             return perf_counter() - start
         finally:
             renderer.release()
