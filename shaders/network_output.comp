@@ -37,10 +37,14 @@ void main() {
 #endif
 #ifdef PHOTOGRAPHS
     vec4 photo = texelFetch(photographs, at, 0);
+    float share = 0.0;  // its border is softened: ragged ones are seen
+    if (photo.a > 0.0)
+        for (int k = 0; k < 9; ++k)
+            share += texelFetch(photographs, clamp(at + ivec2(k % 3, k / 3) - 1, ivec2(0), extent - 1), 0).a / 9.0;
     vec3 apart = abs(photo.rgb - rgba.rgb);
     float sparse = clamp((spacing_at(at) - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
     float agree = clamp((APART_TO - 255.0 * max(apart.r, max(apart.g, apart.b))) / (APART_TO - APART_FROM), 0.0, 1.0);
-    float counts = photo.a * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
+    float counts = share * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
     rgba.rgb = mix(rgba.rgb, photo.rgb, counts);
 #endif
 #ifdef COUNTED

@@ -124,10 +124,13 @@ def over_network(network: np.ndarray, photo: np.ndarray, share: np.ndarray, spac
     network: (H, W, 3) of 0..255, made without photographs.  photo, share: their colours and share, of :func:`photographed`.
     spacing: of :func:`spacing_in_pixels`.
     """
+    height, width = share.shape
+    padded = np.pad(share, 1, mode="edge")  # the border of a share is softened: ragged ones are seen
+    soft = np.mean([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)], axis=0)
     sparse = np.clip((spacing - DENSE[0]) / (DENSE[1] - DENSE[0]), 0, 1)
     apart = np.abs(photo - network).max(-1)
     agree = np.clip((APART[1] - apart) / (APART[1] - APART[0]), 0, 1)
-    counts = share * (OVER[0] + (OVER[1] - OVER[0]) * sparse) * (agree + (1 - agree) * sparse)
+    counts = np.where(share > 0, soft, 0.0) * (OVER[0] + (OVER[1] - OVER[0]) * sparse) * (agree + (1 - agree) * sparse)
     return network + (photo - network) * counts[..., None], counts
 
 

@@ -69,7 +69,9 @@ def test_photographs_come_over_the_networks_picture_as_the_reference_says(contex
     made = rng.uniform(0, 1, (height, width, 4)).astype(np.float16)
     made[..., 3] = 1
     close = np.clip(255 * made[..., :3].astype(float) + rng.normal(0, 40, (height, width, 3)), 0, 255)
-    photo = np.dstack([np.rint(close), rng.integers(0, 256, (height, width))]).astype(np.uint8)
+    share = np.clip(rng.integers(-100, 400, (height, width)), 0, 255)
+    share[:, :10] = 255
+    photo = np.dstack([np.rint(close), share]).astype(np.uint8)
     blocks = np.empty((-(-height // reference.BLOCK), -(-width // reference.BLOCK)), np.float32)
     count_measured(np.where(measured, 255, 0).astype(np.uint8), blocks)
     programs, bridge = Programs(context), ReadBackBridge(context, (width, height))
