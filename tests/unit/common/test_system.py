@@ -22,7 +22,7 @@ from pointglass.viewer.window.session.autosave import lock
 ROOT = Path(__file__).resolve().parents[3]
 POSIX_ONLY = {
     "os": {"O_NOFOLLOW", "O_NONBLOCK", "O_TMPFILE", "WNOHANG", "fork", "forkpty", "getgid", "geteuid", "getegid", "getuid",
-           "killpg", "memfd_create", "nice", "posix_fadvise", "posix_fallocate", "posix_madvise", "pread", "preadv",
+           "getpriority", "killpg", "memfd_create", "nice", "posix_fadvise", "posix_fallocate", "posix_madvise", "pread", "preadv",
            "register_at_fork", "sched_getaffinity", "setpriority", "statvfs", "sync", "uname"},
     "signal": {"SIGBREAK", "SIGHUP", "SIGKILL", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGPIPE", "setitimer", "alarm"},
 }
@@ -277,7 +277,12 @@ def test_reports_of_native_code_are_seen_where_there_is_no_file_in_memory(monkey
 
 def test_priority_is_lowered_for_one_thread_on_linux_only(monkeypatch):
     calls = []
+    now = [9]
     monkeypatch.setattr(os, "setpriority", lambda *call: calls.append(call))
+    monkeypatch.setattr(os, "getpriority", lambda *_: now[0])
+    system.lower_thread_priority(7)
+    assert not calls, "a process that was started with nice 9 may not go back"
+    now[0] = 0
     system.lower_thread_priority(7)
     assert calls == [(os.PRIO_PROCESS, threading.get_native_id(), 7)]
     monkeypatch.setattr(sys, "platform", "darwin")
