@@ -217,8 +217,8 @@ def _ended(pid: int) -> bool:
 
 
 def lower_thread_priority(niceness: int) -> None:
-    """Gives the calling thread this niceness, where it has a lower one: to go back is not allowed, and the whole process may have
-    been started with more.  Only on Linux does a thread have its own."""
+    """Gives the calling thread this niceness, where its own is lower: going back is not allowed, and a person may
+    have started the whole process with more.  Only on Linux does a thread have its own."""
     if sys.platform == "linux" and os.getpriority(os.PRIO_PROCESS, thread := threading.get_native_id()) < niceness:
         os.setpriority(os.PRIO_PROCESS, thread, niceness)
 

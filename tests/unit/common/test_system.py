@@ -22,8 +22,8 @@ from pointglass.viewer.window.session.autosave import lock
 ROOT = Path(__file__).resolve().parents[3]
 POSIX_ONLY = {
     "os": {"O_NOFOLLOW", "O_NONBLOCK", "O_TMPFILE", "WNOHANG", "fork", "forkpty", "getgid", "geteuid", "getegid", "getuid",
-           "getpriority", "killpg", "memfd_create", "nice", "posix_fadvise", "posix_fallocate", "posix_madvise", "pread", "preadv",
-           "register_at_fork", "sched_getaffinity", "setpriority", "statvfs", "sync", "uname"},
+           "getpriority", "killpg", "memfd_create", "nice", "posix_fadvise", "posix_fallocate", "posix_madvise", "pread",
+           "preadv", "register_at_fork", "sched_getaffinity", "setpriority", "statvfs", "sync", "uname"},
     "signal": {"SIGBREAK", "SIGHUP", "SIGKILL", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGPIPE", "setitimer", "alarm"},
 }
 """Module -> names that it has on some systems only."""
