@@ -16,6 +16,8 @@ from x_server import ROOT
 
 LONGEST_S = 90.0
 """Seconds that anything may take beside other work."""
+_QUIET = 8
+"""Samples, a twentieth of a second apart, in which a program at rest does nothing; it wakes twice a second."""
 
 
 def until(condition: Callable[[], Any], what: str, seconds: float = LONGEST_S) -> Any:
@@ -66,8 +68,30 @@ class RealWindow:
         pointer at its end, the window has not heard of it.  Where that happens is not known."""
         for back in (40, 10, 3, 0):
             self.xdo("mousemove", "--sync", "--window", self.window, x - back, y)
-        time.sleep(0.4)  # the picture at rest is read where the pointer is
+        self._at_rest(3.0)  # the picture at rest is read where the pointer is; a job may go on
         self.xdo("click", 1)
+
+    def rest(self) -> None:
+        """Waits until the program has answered all events and waits for the next.  However busy the machine is, it has drawn
+        what there was to draw then."""
+        assert self._at_rest(LONGEST_S), "the program is never at rest"
+
+    def _at_rest(self, seconds: float) -> bool:
+        """Whether within this time none of its threads runs or waits for a processor, in some samples one after the other."""
+        end, quiet = time.monotonic() + seconds, 0
+        while quiet < _QUIET and time.monotonic() < end:
+            time.sleep(0.05)
+            quiet = 0 if self._runs else quiet + 1
+        return quiet == _QUIET
+
+    @property
+    def _runs(self) -> bool:
+        """Whether a thread runs or could."""
+        for stat in Path(f"/proc/{self.process.pid}/task").glob("*/stat"):
+            with contextlib.suppress(OSError):  # a thread that ended
+                if stat.read_text().rpartition(") ")[2][0] in "RD":
+                    return True
+        return False
 
     def close(self) -> None:
         """As the window manager's button does."""

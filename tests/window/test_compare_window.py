@@ -3,7 +3,6 @@ side by side."""
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -69,13 +68,13 @@ def test_two_dates_are_compared_by_clicks_and_the_red_change_is_kept_in_the_proj
     window = RealWindow(display, tmp_path, "view", *scans, "--view", "filled")
     window.wait_for_title("·")
     until(lambda: [*(tmp_path / "cache").glob("[!.]*/meta.json")], "all points")
-    time.sleep(4.0)
+    window.rest()
     window.keys("x")
-    time.sleep(1.0)
+    window.rest()
     grey = colours(shot(window))
     assert (np.ptp(grey, axis=1) < 12).mean() > 0.95
     window.click(*TOOL)
-    time.sleep(1.0)
+    window.rest()
     window.click(*START)
     until(lambda: red(shot(window)) > 0.02, "the change")
     picture = shot(window)
@@ -121,11 +120,11 @@ def test_a_scan_is_compared_with_a_model_by_clicks_which_is_kept_drawn_again_and
     window = RealWindow(display, tmp_path, "view", scan, model, "--view", "filled")
     window.wait_for_title("·")
     until(lambda: meshes_of(scan), "the mesh in the document")
-    time.sleep(4.0)
+    window.rest()
     window.keys("x")
-    time.sleep(1.0)
+    window.rest()
     window.click(*TOOL)
-    time.sleep(1.0)
+    window.rest()
     assert blue(shot(window)) < 0.01
     window.click(*START_WITH_MODEL)
     until(lambda: blue(shot(window)) > 0.02, "the floor, which lies inside the model")
@@ -171,11 +170,11 @@ def test_a_handle_between_two_dates_is_dragged_and_its_picture_drawn_again(displ
     window = RealWindow(display, tmp_path, "view", *scans, "--view", "filled")
     window.wait_for_title("·")
     until(lambda: [*(tmp_path / "cache").glob("[!.]*/meta.json")], "all points")
-    time.sleep(4.0)
+    window.rest()
     window.click(*TOOL)
-    time.sleep(1.0)
+    window.rest()
     window.click(*BESIDE)
-    time.sleep(2.0)
+    window.rest()
     first = shot(window)
     assert read_shot(first).spec.other_edits is not None and min(shares(first)) > 0.99, "each date alone at its side"
     x, y = GRIP
@@ -183,18 +182,18 @@ def test_a_handle_between_two_dates_is_dragged_and_its_picture_drawn_again(displ
     window.xdo("mousedown", 1)
     for step in (40, 90, 150):
         window.xdo("mousemove", "--sync", "--window", window.window, x + step, y)
-        time.sleep(0.2)
+        window.rest()
     window.xdo("mouseup", 1)
-    time.sleep(1.0)
+    window.rest()
     window.keys("2")
-    time.sleep(2.0)
+    window.rest()
     picture = shot(window)
     spec = read_shot(picture).spec
     assert spec.views == ("filled", "filtered") and spec.split_at == pytest.approx(0.5 + 150 / spec.camera.width, abs=0.01)
     assert min(shares(picture)) > 0.99
     assert drawn_again(window, scans, picture)
     window.keys("v")
-    time.sleep(2.0)
+    window.rest()
     assert read_shot(shot(window)).spec.other_edits is None, "all points in the whole picture"
     window.keys("ctrl+q")
     assert window.ended() == 0

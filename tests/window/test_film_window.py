@@ -34,10 +34,10 @@ def begin_film(window) -> None:
     for _ in range(12):
         window.xdo("click", 5)
         time.sleep(0.1)
-    time.sleep(1.0)
+    window.rest()
     window.click(*RENDER)
     try:
-        until(lambda: dimmed(window), "the dialog", 30.0)
+        until(lambda: dimmed(window), "the dialog")
     except AssertionError:  # what the window shows says why
         window.picture("no-dialog")
         raise
@@ -55,12 +55,12 @@ def test_a_typed_title_is_saved_and_a_film_that_was_killed_is_gone_on_with(displ
     keys = tuple(Keyframe(SECONDS * n, Viewpoint.of(camera, f"Key {n}")) for n, camera in enumerate(cameras))
     write_project(project, Document(scans=(ScanFile(str(scan)),), path=CameraPath(keys, fps=RATE)))
     window = opened(display, scan, "view", project)
-    all_points(scan)
+    all_points(scan, window)
     window.keys("k")
-    time.sleep(2.0)
+    window.rest()
     window.click(*TITLE)
     window.xdo("type", "--delay", "120", "Hall 7")
-    time.sleep(2.0)
+    window.rest()
     window.keys("Escape", "ctrl+s")
     until(lambda: read_project(project).path.title == FilmTitle("Hall 7"), "the title in the project")
     begin_film(window)
@@ -71,9 +71,9 @@ def test_a_typed_title_is_saved_and_a_film_that_was_killed_is_gone_on_with(displ
     kept = {path: path.stat().st_mtime_ns for path in frames_beside(out).glob("*.png")}
 
     window = opened(display, scan, "view", project)
-    all_points(scan)
+    all_points(scan, window)
     window.keys("k")
-    time.sleep(2.0)
+    window.rest()
     assert not out.exists(), "the empty file of the killed film would be asked about"
     begin_film(window)
     until(lambda: len(list(frames_beside(out).glob("*.png"))) > len(kept) or out.stat().st_size > 0, "more frames", 300.0)

@@ -3,7 +3,6 @@ hidden, shown again by undo, measured from, saved with the project and there whe
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -52,9 +51,9 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     mesh = scan.with_name("box.glb")
     box.export(mesh)
     window = opened(display, scan, "view", scan, mesh)
-    all_points(scan)
+    all_points(scan, window)
     until(lambda: meshes_of(scan), "the mesh in the document")
-    time.sleep(2.0)
+    window.rest()
     picture = shot(window)
     (layer,) = read_shot(picture).spec.edits.meshes
     assert (layer.path, layer.up) == ("box.glb", "y") and len(layer.checksum) == 64
@@ -68,13 +67,13 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     assert np.array_equal(np.asarray(Image.open(again)), np.asarray(Image.open(picture)))
     for away in (9, 3, 0):  # RealWindow.click would begin left of the window
         window.xdo("mousemove", "--sync", "--window", window.window, EYE[0] + away, EYE[1])
-    time.sleep(0.4)
+    window.rest()
     window.xdo("click", 1)
     until(lambda: not meshes_of(scan)[0].visible, "the eye's click")
-    time.sleep(2.0)
+    window.rest()
     assert red(shot(window)) == 0
     window.keys("ctrl+z")
-    time.sleep(2.0)
+    window.rest()
     assert red(shot(window)) == whole
     window.keys("t")
     window.picture("screen")
@@ -98,7 +97,7 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     window.keys("ctrl+q")
     assert window.ended() == 0
     window = opened(display, scan, "view", project)
-    time.sleep(5.0)
+    window.rest()
     assert red(until(lambda: picture if red(picture := shot(window)) else None, "the mesh of the project")) > 2000
     window.keys("ctrl+q")
     assert window.ended() == 0

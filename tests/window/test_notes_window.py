@@ -50,23 +50,23 @@ def saved_as(window, ending: str, path):
 
     window.click(*REPORT)
     until(lambda: dimmed(window), "the dialog")
-    time.sleep(1.0)
+    window.rest()
     window.keys("ctrl+a")
     window.xdo("type", "--delay", "12", str(path))
-    time.sleep(1.0)
+    window.rest()
     try:
         answered(window, lambda: path.exists(), f"the {ending}")
         until(saved, f"the {ending}")
     except AssertionError:  # what the window shows says why
         window.picture("not-saved")
         raise
-    time.sleep(1.0)
+    window.rest()
     return path
 
 
 def test_a_note_is_kept_through_escape_a_crash_and_saving_and_goes_into_every_report(display, scan):  # noqa: F811
     window = opened(display, scan)
-    all_points(scan)
+    all_points(scan, window)
     window.keys("l")
     written(window, scan, "Crack, 3 mm wide")
     window.xdo("key", "Escape")
@@ -76,16 +76,16 @@ def test_a_note_is_kept_through_escape_a_crash_and_saving_and_goes_into_every_re
     window.ended()
     window = opened(display, scan)
     answered(window, lambda: "• room.xyz" in window.title, "the restored work")
-    all_points(scan)
+    all_points(scan, window)
     folder = scan.parents[1]
     window.click(*LISTED)  # selects the tool and chooses the note
-    time.sleep(1.5)
+    window.rest()
     for keys in (("Down", "Down", "Return"), ("Up", "Escape")):  # to the third of the list; Esc leaves it
         window.click(*STATUS)
-        time.sleep(1.5)
+        window.rest()
         for key in keys:
             window.xdo("key", key)
-            time.sleep(0.8)
+            window.rest()
         until(lambda: [note.status for note in notes_of(scan)] == ["done"], "the status")
     window.keys("ctrl+s")
     project = scan.with_name("room.pointglass")

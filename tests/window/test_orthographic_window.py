@@ -3,7 +3,6 @@ project keeps the view."""
 
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -35,17 +34,17 @@ def shot(window):
     window.keys("F12")
     (made,) = until(lambda: set(folder.glob("pointglass*.png")) - before, "the picture")
     until(lambda: made.stat().st_size > 0, "its content")
-    time.sleep(1.0)
+    window.rest()
     return made
 
 
 def test_a_view_is_orthographic_zooms_at_the_pointer_and_is_drawn_again_from_its_picture(display, scan):  # noqa: F811
     window = opened(display, scan)
-    all_points(scan)
+    all_points(scan, window)
     first = read_shot(shot(window)).spec.camera
     assert first.orthographic is None
     window.keys("x")
-    time.sleep(2.0)
+    window.rest()
     picture = shot(window)
     camera = read_shot(picture).spec.camera
     assert camera.orthographic is not None and np.array_equal(camera.camera_to_world, first.camera_to_world)
@@ -58,7 +57,7 @@ def test_a_view_is_orthographic_zooms_at_the_pointer_and_is_drawn_again_from_its
     window.xdo("mousemove", "--sync", "--window", window.window, *PICTURE)
     for _ in range(3):
         window.xdo("click", 4)
-    time.sleep(2.0)
+    window.rest()
     near = read_shot(shot(window)).spec.camera
     assert near.orthographic == pytest.approx(camera.orthographic * 0.85**3)
     fixed = [pixel for pixel in np.mgrid[: near.width : 2, : near.height : 2].reshape(2, -1).T.tolist()
@@ -71,11 +70,11 @@ def test_a_view_is_orthographic_zooms_at_the_pointer_and_is_drawn_again_from_its
     kept = read_project(project).view
     assert kept is not None and kept.orthographic == near.orthographic
     window.keys("x")
-    time.sleep(2.0)
+    window.rest()
     back = read_shot(shot(window)).spec.camera
     assert back.orthographic is None and np.allclose(back.view_rotation, near.view_rotation)
     window.click(*ICON)
-    time.sleep(1.0)
+    window.rest()
     window.picture("icon")
     with Image.open(window.folder / "icon.png") as screen:
         colour = np.array(screen.getpixel((ICON[0] - 12, ICON[1] - 12)))[:3] / 255

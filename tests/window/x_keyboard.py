@@ -50,3 +50,27 @@ def request_close(display: str, window: int) -> None:
     event = _ClientMessage(33, 0, 1, None, window, protocols, 32, (ctypes.c_long * 5)(delete))
     x.XSendEvent(handle, ctypes.c_ulong(window), 0, ctypes.c_long(0), ctypes.byref(event))
     x.XCloseDisplay(handle)
+
+
+def type_letters(display: str, letters: str) -> None:
+    """Presses keys that print these letters, each once: spare keys of the X server get them and keep them, so that no program
+    that is slow to ask finds another letter there."""
+    x, xtest = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
+    x.XOpenDisplay.restype, x.XGetKeyboardMapping.restype = ctypes.c_void_p, ctypes.POINTER(ctypes.c_ulong)
+    handle = ctypes.c_void_p(x.XOpenDisplay(display.encode()))
+    least, most, columns = ctypes.c_int(), ctypes.c_int(), ctypes.c_int()
+    x.XDisplayKeycodes(handle, ctypes.byref(least), ctypes.byref(most))
+    first, count = least.value, most.value - least.value + 1
+    found = x.XGetKeyboardMapping(handle, ctypes.c_ubyte(first), count, ctypes.byref(columns))
+    spare = [first + n for n in range(count) if not any(found[n * columns.value : (n + 1) * columns.value])]
+    keys = dict(zip(dict.fromkeys(letters), reversed(spare), strict=False))
+    for letter, key in keys.items():
+        symbols = (ctypes.c_ulong * 2)(*[0x01000000 + ord(letter)] * 2)  # of any character, X.org's keysymdef.h
+        x.XChangeKeyboardMapping(handle, key, 2, symbols, 1)
+    x.XSync(handle, 0)
+    for letter in letters:
+        for down in (1, 0):
+            xtest.XTestFakeKeyEvent(handle, keys[letter], down, ctypes.c_ulong(0))
+    x.XSync(handle, 0)
+    x.XFree(found)
+    x.XCloseDisplay(handle)

@@ -81,8 +81,8 @@ def _has(path: Path, letter: str) -> bool:
 
 
 @cache
-def _with_letter(letter: str) -> Path | None:
-    """The first font of the machine that has a letter."""
+def font_with(letter: str) -> Path | None:
+    """The first font of the machine that has a letter; None where none has."""
     return next((path for path in machine_fonts() if _has(path, letter)), None)
 
 
@@ -106,7 +106,7 @@ def undrawable(texts: "str | Iterable[str]", first: Sequence[Path] = ()) -> str:
     return "".join(
         letter for letter in letters
         if needs_shape(letter) and not (_can_order(unicodedata.bidirectional(letter))
-                                        and (any(_has(path, letter) for path in base) or _with_letter(letter) is not None))
+                                        and (any(_has(path, letter) for path in base) or font_with(letter) is not None))
     )  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def runs(text: str, first: Sequence[Path] = ()) -> list[tuple[str, Path]]:
     first: fonts tried before the machine's; none: the plain one."""
     base = tuple(first) or (plain_font(),)
     shaped = [letter for letter in text if needs_shape(letter)]
-    others = dict.fromkeys(path for path in map(_with_letter, shaped) if path is not None)
+    others = dict.fromkeys(path for path in map(font_with, shaped) if path is not None)
     for path in base if not any(unicodedata.bidirectional(letter) in ("R", "AL") for letter in shaped) else (*base, *others):
         if all(_has(path, letter) for letter in shaped):
             return [(text, path)] if text else []
@@ -134,7 +134,7 @@ def runs(text: str, first: Sequence[Path] = ()) -> list[tuple[str, Path]]:
     for letter in text:
         path = found[-1][1] if found else base[0]
         if needs_shape(letter):
-            path = next((each for each in base if _has(each, letter)), None) or _with_letter(letter) or path
+            path = next((each for each in base if _has(each, letter)), None) or font_with(letter) or path
         if found and found[-1][1] == path:
             found[-1] = (found[-1][0] + letter, path)
         else:

@@ -2,7 +2,8 @@
 
 Imgui takes UTF-8, and its binding raises TypeError for a text that has none: half a character (an unpaired surrogate), which
 names of files that are not UTF-8 have in Python (PEP 383).  Every function of imgui that takes a text escapes it then, as
-viewer.common.text.printable does, in place of a hundred places that would have to remember it.
+viewer.common.text.printable does, in place of a hundred places that would have to remember it.  The letters that were drawn are
+noted there, too, so that a font can be found that has them (viewer.window.kit.font_fallback).
 """
 
 import functools
@@ -11,6 +12,8 @@ from typing import Any
 from ...common.text import printable
 
 _MARK = "takes_any_text"
+LETTERS: set[str] = set()
+"""Characters beyond ASCII that were given to imgui since the process began."""
 
 
 def accept_any_text(imgui: Any) -> None:
@@ -27,6 +30,11 @@ def accept_any_text(imgui: Any) -> None:
 def _any_text(call: Any) -> Any:
     @functools.wraps(call)
     def drawn(*values: Any, **named: Any) -> Any:
+        for value in (*values, *named.values()):
+            if type(value) is str and not value.isascii():
+                LETTERS.update(value)
+            elif type(value) is list and value and type(value[0]) is str:  # of a list of choices
+                LETTERS.update(*value)
         try:
             return call(*values, **named)
         except TypeError:  # raised before anything is drawn

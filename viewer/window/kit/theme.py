@@ -6,6 +6,7 @@ Contrast (WCAG 2.1) is at least 4.5:1 for text and 3:1 for the edge or body of e
 tests/unit/window/test_window_theme.py computes it.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import imgui_bundle
@@ -13,6 +14,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ....model.common.linear_light import LUMINANCE, to_linear
 from .drawable_text import accept_any_text
+from .font_fallback import FontFallback
 
 FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
 ICONS = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
@@ -49,9 +51,10 @@ OVERLAY_COLOURS = {
 
 
 class Theme:
-    """Owns fonts and style of the current imgui context.  Fonts: regular and bold."""
+    """Owns fonts and style of the current imgui context.  Fonts: regular and bold; fallback: those of other letters.  wake: as
+    of FontFallback."""
 
-    def __init__(self, scale: float):
+    def __init__(self, scale: float, wake: Callable[[], None] = lambda: None):
         accept_any_text(imgui)
         folder = FONTS / "Roboto"
         fonts = imgui.get_io().fonts
@@ -59,6 +62,7 @@ class Theme:
         self._add_icons(fonts)
         self.bold = fonts.add_font_from_file_ttf(str(folder / "Roboto-Bold.ttf"), FONT_SIZE)
         self._add_icons(fonts)
+        self.fallback = FontFallback((self.regular, self.bold), FONT_SIZE, wake)
         self.rescale(scale)
 
     @staticmethod

@@ -147,7 +147,7 @@ class App:
         io.set_ini_filename("")
         imgui.backends.glfw_init_for_opengl(self.address, False)
         imgui.backends.opengl3_init("#version 430")
-        self.theme = Theme(self.interface_scale())
+        self.theme = Theme(self.interface_scale(), self._wake_loop)
 
     def interface_scale(self) -> float:
         """Logical pixels per design unit (kit.theme): the screen's scale, less what the framebuffer already brings."""

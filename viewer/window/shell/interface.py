@@ -63,6 +63,7 @@ def draw_interface(app: Host, *, shown: bool = True) -> None:
 
 def _draw(app: Host, *, shown: bool) -> None:
     imgui, session, look = app.imgui, app.session, app.theme
+    look.fallback.follow()
     keys_in_lists(imgui)
     imgui.backends.opengl3_new_frame()
     imgui.backends.glfw_new_frame()

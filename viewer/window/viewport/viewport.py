@@ -19,10 +19,10 @@ from ...render.culling.occlusion import Occlusion
 from ...render.described_picture import Composer, render
 from ...render.passes.develop import read_picture
 from ...render.raster.points import UPLOAD_SECONDS
-from ..kit.frame_rate import FrameRate
 from ..planning.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from ..session.loading import Loaded
 from ..session.session import Session
+from .frame_rate import FrameRate
 from .moved_picture import MovedPicture
 from .photo_layer import PhotoLayer
 from .pixel_reader import PixelReader

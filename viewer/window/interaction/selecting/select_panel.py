@@ -25,15 +25,8 @@ class SelectPanel:
         self._choices(ui, context)
         ui.separator()
         selection = context.document.selection
-        if tool.job.worker is not None:
-            ui.text_wrapped(f"{tool.job.worker.title}…")
-        elif selection:
-            ui.text_wrapped(f"{thousands(selection.count)} point{'' if selection.count == 1 else 's'} selected")
-            if tool.facts is not None and tool.facts.bounds is not None:
-                x, y, z = np.ptp(tool.facts.bounds, axis=0)
-                ui.text_wrapped(f"{x:.4g} × {y:.4g} × {z:.4g} {unit_of(context)}")
-        else:
-            ui.text_wrapped("Nothing is selected.")
+        for line in self._lines(context):
+            ui.text_unformatted(line)
         if ui.button("Invert"):
             tool.invert(context)
         self._tip(ui, "Selects what is in sight and is not selected now")
@@ -44,6 +37,19 @@ class SelectPanel:
         self._tip(ui, "Selects nothing (Esc)")
         self._uses(ui, context)
         ui.end_disabled()
+
+    def _lines(self, context: ToolContext) -> tuple[str, str]:
+        """What is selected: always two lines, so that the buttons below stay where they are while something is selected."""
+        tool, selection = self._tool, context.document.selection
+        if tool.job.worker is not None:
+            return f"{tool.job.worker.title}…", ""
+        if not selection:
+            return "Nothing is selected.", ""
+        counted = f"{thousands(selection.count)} point{'' if selection.count == 1 else 's'} selected"
+        if tool.facts is None or tool.facts.bounds is None:
+            return counted, ""
+        x, y, z = np.ptp(tool.facts.bounds, axis=0)
+        return counted, f"{x:.4g} × {y:.4g} × {z:.4g} {unit_of(context)}"
 
     def _choices(self, ui: Any, context: ToolContext) -> None:
         tool = self._tool
