@@ -123,3 +123,12 @@ def progress(total: int, label: str, unit: str = "") -> Iterator[Progress]:
     finally:
         if bar is not None:
             bar.close()
+
+
+@contextmanager
+def stage(label: str) -> Iterator[None]:
+    """A part of long work whose length is not known, with a plain-words ``label``.  Raises Cancelled at its beginning if the
+    sink asks to stop."""
+    with progress(0, label) as meter:
+        meter.update(0)
+        yield

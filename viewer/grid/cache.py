@@ -23,7 +23,7 @@ from ...model.appearance.noise import MAX_VOXELS, NoiseModel
 from ...model.common.files.temporary import restrict
 from ..common.errors import InputError, Option, Words
 from ..common.paths import cache_dir
-from ..common.progress import progress
+from ..common.progress import progress, stage
 from ..picture.json_values import to_json
 from ..readers.formats import KNOWN
 from ..readers.grid_folder import MAGIC, is_grid
@@ -195,7 +195,8 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
         _write(work, scene, identity)
         if identity != _identity(files):
             raise InputError("changed while it was read", file=files[0], remedy="try again")
-        _release(scene)
+        with stage("writing the grid"):
+            _release(scene)
         del scene
         restrict(work, files)
         if keep_old and folder.exists() and (name := foreign_file(folder)):

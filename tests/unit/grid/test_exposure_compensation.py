@@ -46,7 +46,8 @@ def test_exposure_compensation_shows_progress_and_can_be_cancelled(tmp_path):
     set_sink(sink)
     try:
         open_scene([path], cache=False, match=False)
-        assert list(dict.fromkeys(steps)) == ["reading", "building the grid"]
+        assert list(dict.fromkeys(steps)) == ["reading", "building the grid", "measuring the spacing", "measuring the cells",
+                                              "estimating the noise"], "no brightness is matched"
         with pytest.raises(Cancelled):
             open_scene([path], cache=False)
     finally:

@@ -10,6 +10,7 @@ points.  The result does not depend on the number of processors.
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import numpy as np
 
 from ....model.appearance.noise import NoiseModel
 from ...common.errors import InputError
+from ...common.progress import stage
 from ...preprocess.point_attributes import AttributeCounts, AttributeLayout, common_ends
 from ...preprocess.point_colour import ColourDecision, Colours
 from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDescription, ScanSummary, ScanWarning
@@ -110,9 +112,11 @@ def build_grid(
         points, records = _room(allocate, first.counts, kept)
         sample = NoiseSample(sources, first.counts) if noise else None
         placed = _place(kept, colours, first, points, records, pool, sample, clock, lattice)
-        coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
+        with stage("measuring the cells"):
+            coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
         clock.lap("faces")
-        model = sample.solve() if sample else None
+        with stage("estimating the noise") if sample else nullcontext():
+            model = sample.solve() if sample else None
         clock.lap("noise")
     return _scene(sources, first, placed, points, records, known, coverage, model)
 
@@ -154,7 +158,8 @@ def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: 
         boxes = scatter(kept, colours, first.scans, counts, layout, points, records, pool, processors(), first.attributes,
                         sample)  # fmt: skip
         clock.lap("place")
-        steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
+        with stage("measuring the spacing"):
+            steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
         clock.lap("spacing")
         return _Placed(counts, layout, steps, boxes), coinciding
 
