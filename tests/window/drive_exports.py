@@ -7,6 +7,7 @@ from pathlib import Path
 import ezdxf
 import laspy
 import numpy as np
+from checks_align import check_three_pairs_and_icp_bring_a_scan_to_its_place_and_undo_puts_it_back  # noqa: F401
 from checks_written_files import asked_about, held
 from drive_dialogs import Person, main
 from x_keyboard import xdo

@@ -90,7 +90,7 @@ class Driver:
         self.app.projects.may_replace = lambda loaded: True
         self.app.last_view = lambda paths: None  # every scan begins at its start viewpoint
 
-    def _open(self, paths):
+    def _open(self, paths, **options):
         from pointglass.viewer.common.progress import progress
         from pointglass.viewer.grid.open_scene import open_scene
 
@@ -104,7 +104,7 @@ class Driver:
             return pair_of_files(int(name[4:]))
         if name.startswith("passer"):
             return room_with_passer(int(name[6:]))
-        return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)
+        return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False, **options)
 
     def fresh(self, scan: str | None) -> None:
         """Brings the window to where any check may begin: ``scan`` from its start viewpoint, None: the start page; nothing
