@@ -47,11 +47,11 @@ class ExposureCompensation:
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
-        xyz = chunk.xyz[pick]
+        xyz = chunk.xyz.take(pick, axis=0)  # three times as fast as chunk.xyz[pick]
         if not (usable := is_position(xyz)).all():
             pick, xyz = pick[usable], xyz[usable]
         number = self._numbers(source, first, chunk, pick)
-        self._parts.append((xyz, chunk.rgb[pick], number, first + pick))
+        self._parts.append((xyz, chunk.rgb.take(pick, axis=0), number, first + pick))
         self._held += len(pick)
         while self._held > 2 * SAMPLE:
             self._share /= 2
@@ -60,7 +60,7 @@ class ExposureCompensation:
 
     def _halved(self, part: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         chosen = self._rng.permutation(len(part[0]))[::2]
-        return tuple(a[chosen] for a in part)
+        return tuple(a.take(chosen, axis=0) for a in part)
 
     def _numbers(self, source: int, first: int, chunk: Chunk, pick: np.ndarray | slice = _ALL) -> np.ndarray:
         """(n,) station number of each point, or of those at ``pick``; in pass 2 those of inferred stations where the source was
@@ -110,7 +110,7 @@ class ExposureCompensation:
             borders = {int(file): pool.submit(_border_share, xyz, rgb, None if len(source) == 1 else source[number] == file)
                        for file in np.unique(source)}  # fmt: skip
             lit = np.flatnonzero(brightest(rgb) >= DARK)  # darker points: missing colour, black borders, noise
-            passes = solve_run_gains(xyz[lit], rgb[lit], at[lit])
+            passes = solve_run_gains(xyz.take(lit, axis=0), rgb.take(lit, axis=0), at[lit])
             self.black_borders = {file: share.result() for file, share in borders.items()}
         self._passes = passes if passes.worthwhile else None
         return exposures, RunSummary(passes.remaining, passes.worthwhile)
