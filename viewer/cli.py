@@ -22,7 +22,7 @@ from .commands.neural_setup import check_weights
 from .commands.options import memory_of, settings_of
 from .commands.workers_option import own_cache, workers_of
 from .common.command_log import logging_to
-from .common.errors import InputError, Option
+from .common.errors import InputError
 from .common.failures import report, tell
 from .common.progress import progress
 from .common.replaced_files import replaced_told
@@ -179,9 +179,14 @@ def _evaluate(options: argparse.Namespace) -> int:
         raise InputError("is a scan, but the others are folders of rooms", file=scans[0], remedy="evaluate it alone")
     if scans:
         return withheld.run(options)
-    if workers_of(options) is not None:
-        raise InputError("folders of rooms are evaluated by one process", file=options.data[0],
-                         remedy=("leave ", Option("--workers" if options.scheduler is None else "--scheduler"), " out"))
+    if (workers := workers_of(options)) is not None:
+        from .common.workers.run_tasks import run_tasks
+
+        def share(rooms, tasks):
+            return run_tasks(rooms, tasks, workers, label="evaluating", unit=" views",
+                             name=lambda task: f"{rooms.folders[task[0]].name}, view {task[1]}")  # fmt: skip
+
+        return evaluation_command.run(options, share)
     return evaluation_command.run(options)
 
 

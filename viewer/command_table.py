@@ -157,7 +157,7 @@ def _evaluate_options(parser: argparse.ArgumentParser) -> None:
     from ..model.evaluation.command import add_arguments
 
     add_arguments(parser)
-    add_workers(parser, "views of a scan")
+    add_workers(parser, "views")
 
 
 def _doctor_options(parser: argparse.ArgumentParser) -> None:

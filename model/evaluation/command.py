@@ -6,8 +6,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..network.weights_folder import weights_path
+
+if TYPE_CHECKING:
+    from .rooms.shared_rooms import Share
 
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 """Value of ``--exposures`` -> exposures that are evaluated."""
@@ -71,8 +75,10 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
     return names
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace, share: "Share | None" = None) -> int:
     """Evaluates, prints the tables and writes the requested files.  Returns 0.  Raises DataError and WeightsError.
+
+    share: gives the results of tasks that other processes compute, see model.evaluation.shared_rooms; None: this one does all.
 
     JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
@@ -83,6 +89,7 @@ def run(options: argparse.Namespace) -> int:
     from .own_methods import own_methods, own_networks
     from .report import PLOT_SUFFIXES, check_output, format_table, plot, save_picture
     from .room_scores import evaluate
+    from .rooms.shared_rooms import SharedRooms, evaluate_shared
     from .worse import Worst, ratio_of_room
 
     for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",)),
@@ -97,16 +104,21 @@ def run(options: argparse.Namespace) -> int:
             raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given", remedy="omit it")
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
     if options.paper_table:
+        if share is not None:
+            raise DataError("--paper-table is made by one process", remedy="leave --workers or --scheduler out")
         return _paper_table(options, names_of(files))
     worst = Worst() if options.worst else None
-    own = {"functions": own_methods(options.method), "networks": own_networks(options.network)}
-    results = []
-    for folder in options.data:
-        results.append(evaluate(
-            folder, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
-            views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
-            flicker=options.flicker, frames=options.frames or None, fast=options.fast, worst=worst, **own,
-        ))
+    settings = {
+        "densities": tuple(options.densities), "weights": names_of(files), "distance_path": options.perceptual,
+        "views": options.views, "exposures": CHOICES[options.exposures], "outside": parse_outside(options.outside),
+        "flicker": options.flicker, "frames": options.frames or None, "fast": options.fast,
+    }
+    if share is None:
+        own = {"functions": own_methods(options.method), "networks": own_networks(options.network)}
+        results = [evaluate(folder, **settings, **own, worst=worst) for folder in options.data]
+    else:
+        results = evaluate_shared(SharedRooms(tuple(options.data), settings, tuple(options.method), tuple(options.network),
+                                              worst is not None), share, worst)
     results.sort(key=ratio_of_room, reverse=True)
     print("\n\n".join(format_table(result) for result in results))
     if options.json:

@@ -6,8 +6,11 @@ the viewer.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +21,7 @@ from ..appearance.exposure import Exposures, exposures_of
 from ..appearance.noise import estimate_noise
 from ..common.errors import DataError
 from ..data.dataset import MergedScan, TruePicture
-from ..data.stations import RoomView, StationScene, load_scene, scan_stations
+from ..data.stations import RoomView, load_scene, scan_stations
 from ..data.surfaces.projected import Projected, project_scan, scan_spacing
 from .made_with import made_with
 from .methods import (
@@ -40,32 +43,17 @@ from .methods import (
 from .metrics.figures import Figures, Truth
 from .metrics.flicker import Key, measure_flicker, middle_stretch
 from .metrics.flip import ABSENT, flip_metric
-from .metrics.image_metrics import WINDOW
 from .metrics.perceptual import perceptual
 from .open3d_points import Open3DError, Open3DPoints
 from .outside import Outside, open_outside
 from .own_methods import OwnNetwork, OwnPicture
-from .worse import Case, Worst, summary
+from .rooms.view_scores import ViewScores, pick_views, view_rows
+from .worse import Case, Worst
 
 EXPOSURES = ("scanned", "matched")
 """Names of the exposures."""
 FRAMES = 20
 """Default number of frames, from the middle of the path.  Chosen by hand."""
-
-
-def pick_views(scene: StationScene, count: int | None) -> list[RoomView]:
-    """``count`` evenly spaced views; None: all.  Raises DataError without views, or if one is smaller than SSIM's window."""
-    if count is not None and count < 1:
-        raise DataError(f"{count} views: at least 1 is required")
-    total = len(scene.views)
-    picked = range(total) if count is None else np.unique(np.linspace(0, total - 1, min(count, total)).astype(int))
-    shots = [scene.views[int(i)] for i in picked]
-    if not shots:
-        raise DataError(f"scene {scene.name}: it has no views")
-    small = [shot.rgb_file for shot in shots if min(shot.width, shot.height) < WINDOW]
-    if small:
-        raise DataError(f"scene {scene.name}: views smaller than {WINDOW} pixels cannot be evaluated: {', '.join(small[:10])}")
-    return shots
 
 
 def matched_colours(rgb: Tensor, station: Tensor, gains: np.ndarray) -> Tensor:
@@ -125,48 +113,38 @@ class Evaluation:
         return {name: picture for name, (picture, _) in drawn.items()}
 
     def rows(self, shots: Sequence[RoomView]) -> list[dict]:
-        """Mean metrics over the views, of each method, density and exposure.
-
-        ``against_filled`` of a network's row is the :func:`model.evaluation.worse.summary` of its comparison with the filled
-        pictures; None in other rows.
-        """
-        figures: dict[tuple[str, float, str], list[tuple[float, ...]]] = {}
-        cases: dict[tuple[str, float, str], list[Case]] = {}
-        mac = {method.name: method.mac for method in self.methods}
-        with tqdm(total=len(shots) * len(self.densities) * len(self.exposures), desc="views", disable=None) as meter:
+        """Mean metrics over the views, of each method, density and exposure; see view_rows."""
+        found = []
+        with tqdm(total=len(shots), desc="views", disable=None) as meter:
             for number, shot in enumerate(shots):
-                seen = project_scan(self.scan, shot, seed=self.seed + number)
-                truth = Truth(truth_of(shot), self.distance, self.flip)
-                depth = torch.from_numpy(shot.depth())
-                for density in self.densities:
-                    left, masks = thinned(seen, density), {}
-                    for exposure in self.exposures:
-                        spacing, shown = self.spacing / density**0.5, self.exposed(left, exposure)
-                        view = view_points(shown, depth, spacing, masks, noise=self.noise)
-                        found, pictures = {}, {}
-                        for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
-                            kept, leaked = _mask_shares(mask, view)
-                            found[name] = truth.figures(picture, ~view.mask(OURS), invented_distance=not self.fast)
-                            pictures[name] = picture
-                            values = dataclasses.astuple(found[name])
-                            figures.setdefault((name, density, exposed), []).append((*values, kept, leaked))
-                        for case in self._cases(view, truth, found, pictures, Path(shot.rgb_file).stem, density, exposure):
-                            cases.setdefault((case.method, density, exposure), []).append(case)
-                        if number == 0 and exposure == self.exposures[0] and not self.fast:
-                            for name, spent in timings(self.methods, view).items():
-                                self.times[name, density] = spent
-                        meter.update(1)
-        fields = [*(field.name for field in dataclasses.fields(Figures)), "kept", "leaked"]
-        rows = []
-        for (name, density, exposed), values in figures.items():
-            if len(values) < len(shots):  # Open3D failed after some views
-                continue
-            ms, network_ms = self.times.get((name, density), (None, None))
-            means = dict(zip(fields, _means(np.array(values)), strict=True))
-            against = cases.get((name, density, exposed))
-            rows.append({"method": name, "density": density, "exposure": exposed, **means, "ms": ms, "network_ms": network_ms,
-                         "mac": mac.get(name), "against_filled": summary(against) if against else None})
-        return rows
+                found.append(self.view(number, shot))
+                meter.update(1)
+        return view_rows(found)
+
+    def view(self, number: int, shot: RoomView, *, timed: bool = True) -> ViewScores:
+        """One view.  number: of the view, from which its random numbers come.  timed: durations are measured at the first."""
+        self.times = {}
+        scores = ViewScores({}, {}, {method.name: method.mac for method in self.methods}, self.absent, self.times)
+        seen = project_scan(self.scan, shot, seed=self.seed + number)
+        truth = Truth(truth_of(shot), self.distance, self.flip)
+        depth = torch.from_numpy(shot.depth())
+        for density in self.densities:
+            left, masks = thinned(seen, density), {}
+            for exposure in self.exposures:
+                spacing, shown = self.spacing / density**0.5, self.exposed(left, exposure)
+                view = view_points(shown, depth, spacing, masks, noise=self.noise)
+                found, pictures = {}, {}
+                for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
+                    kept, leaked = _mask_shares(mask, view)
+                    found[name] = truth.figures(picture, ~view.mask(OURS), invented_distance=not self.fast)
+                    pictures[name] = picture
+                    scores.figures[name, density, exposed] = (*dataclasses.astuple(found[name]), kept, leaked)
+                for case in self._cases(view, truth, found, pictures, Path(shot.rgb_file).stem, density, exposure):
+                    scores.cases[case.method, density, exposure] = case
+                if timed and number == 0 and exposure == self.exposures[0] and not self.fast:
+                    for name, spent in timings(self.methods, view).items():
+                        self.times[name, density] = spent
+        return scores
 
     def _cases(self, view: ViewPoints, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
                density: float, exposure: str) -> list[Case]:
@@ -220,13 +198,6 @@ class Evaluation:
         return [{**row, "exposure": "-" if row["method"] in {o.name for o in self.outside} else exposure} for row in rows]
 
 
-def _means(values: np.ndarray) -> list[float]:
-    """Column means over views without NaN (no invented pixels, no distance); NaN for a column of NaN."""
-    known = ~np.isnan(values)
-    count = known.sum(0)
-    return np.where(count > 0, np.where(known, values, 0.0).sum(0) / np.maximum(count, 1), np.nan).tolist()
-
-
 def _mask_shares(mask: Tensor | None, view: ViewPoints) -> tuple[float, float]:
     """Share of the visible pixels that a mask keeps, and share of hidden pixels among those kept; NaN without a mask."""
     if mask is None:
@@ -239,22 +210,39 @@ def _mask_shares(mask: Tensor | None, view: ViewPoints) -> tuple[float, float]:
             float((mask & hidden).sum() / (mask & (visible | hidden)).sum().clamp_min(1)))
 
 
-def evaluate(
+@dataclass(frozen=True, eq=False)
+class OpenedRoom:
+    """A room that is evaluated.  shots: its views.  along: the frames of its path.  distance: name of the metric.  made: what
+    the figures are made with."""
+
+    work: Evaluation
+    shots: list[RoomView]
+    along: list[RoomView]
+    distance: str | None
+    made: dict
+
+    def facts(self) -> dict:
+        """What the result says besides rows and flicker."""
+        solved = self.work.solved
+        return {
+            **self.made, "scene": self.work.name, "views": len(self.shots), "distance": self.distance,
+            "points": len(self.work.scan.xyz), "threads": torch.get_num_threads(), "frames": len(self.along),
+            "exposures": None if solved is None else {"gains": solved.gains.tolist(), "matched": solved.matched.tolist()},
+        }
+
+    def flicker(self) -> list[dict]:
+        """Of the path; empty without one."""
+        return self.work.flicker(self.along) if self.along else []
+
+
+@contextmanager
+def opened_room(
     folder: Path, *, densities: Sequence[float] = (1.0, 0.1), weights: dict[str, Path] | None = None,
     distance_path: Path | None = None, views: int | None = None, seed: int = 11, exposures: Sequence[str] = ("scanned",),
     outside: dict[str, Path] | None = None, flicker: bool = True, frames: int | None = FRAMES, open3d: bool = True,
     fast: bool = False, worst: Worst | None = None, functions: Sequence[OwnPicture] = (), networks: Sequence[OwnNetwork] = (),
-) -> dict:
-    """Evaluates a scene folder in the format of ``renders/``.
-
-    weights: name -> file.  views: number, evenly spaced (None: all).  exposures: of EXPOSURES; baselines without exposures are
-    rendered at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: whether to measure it,
-    if the scene has a path of at least two frames; frames: number of them (None: all).  fast: only the filled picture and the
-    networks, without Open3D, durations, flicker and the perceptual distance of invented pixels.  worst: collects the pictures
-    of the worst view.  functions, networks: methods of your own.  Returns a dict for JSON: ``rows``, ``flicker``,
-    ``exposures`` (gains), ``absent`` (method or metric -> reason), version, seed and weights.  Raises DataError and
-    WeightsError before the slow part, apart from what a function of yours returns.
-    """
+) -> Iterator[OpenedRoom]:
+    """A room ready to be evaluated, until the block ends.  Arguments and errors: as of :func:`evaluate`."""
     densities = tuple(dict.fromkeys(densities))
     bad = [density for density in densities if not 0 < density <= 1]
     if bad or not densities:
@@ -289,16 +277,25 @@ def evaluate(
             scene.name, scan, methods, densities=densities, exposures=tuple(exposures), seed=seed,
             open3d=Open3DMethod(renderer) if renderer else None, outside=others, distance=distance, fast=fast, worst=worst,
         )
-        rows = work.rows(shots)
-        moving = work.flicker(along) if along else []
+        work.absent |= absent
+        yield OpenedRoom(work, shots, along, distance_name, made_with(weights or {}, seed))
     finally:
         if renderer is not None:
             renderer.close()
-    solved = work.solved
-    return {
-        **made_with(weights or {}, seed),
-        "scene": scene.name, "views": len(shots), "distance": distance_name, "points": len(work.scan.xyz),
-        "threads": torch.get_num_threads(), "frames": len(along),
-        "exposures": None if solved is None else {"gains": solved.gains.tolist(), "matched": solved.matched.tolist()},
-        "absent": absent | work.absent, "rows": rows, "flicker": moving,
-    }
+
+
+def evaluate(folder: Path, **settings: Any) -> dict:
+    """Evaluates a scene folder in the format of ``renders/``.
+
+    settings, by name, with their defaults: of :func:`opened_room`.
+    weights: name -> file.  views: number, evenly spaced (None: all).  exposures: of EXPOSURES; baselines without exposures are
+    rendered at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: whether to measure it,
+    if the scene has a path of at least two frames; frames: number of them (None: all).  fast: only the filled picture and the
+    networks, without Open3D, durations, flicker and the perceptual distance of invented pixels.  worst: collects the pictures
+    of the worst view.  functions, networks: methods of your own.  Returns a dict for JSON: ``rows``, ``flicker``,
+    ``exposures`` (gains), ``absent`` (method or metric -> reason), version, seed and weights.  Raises DataError and
+    WeightsError before the slow part, apart from what a function of yours returns.
+    """
+    with opened_room(folder, **settings) as room:
+        rows, moving = room.work.rows(room.shots), room.flicker()
+        return {**room.facts(), "absent": room.work.absent, "rows": rows, "flicker": moving}

@@ -97,6 +97,11 @@ class Worst:
         if self.case is None or case.ratio > self.case.ratio:
             self.case, self.pictures = case, [picture_bytes(picture) for picture in (filled, neural, truth)]
 
+    def take(self, other: "Worst") -> None:
+        """The worst case of another one, where it is worse."""
+        if other.case is not None and (self.case is None or other.case.ratio > self.case.ratio):
+            self.case, self.pictures = other.case, other.pictures
+
     def sheet(self) -> np.ndarray:
         """(H, W, 3) uint8: the three pictures side by side, each with its metrics."""
         assert self.case is not None

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from .flip import FlipTo
-from .image_metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
+from .image_metrics import SsimTo, masked_error, masked_psnr, mean_of, psnr, psnr_after_gain
 from .perceptual import SqueezeDistance
 
 
@@ -56,7 +56,7 @@ class Truth:
         total = 0.0
         for number, (p, q) in enumerate(zip(self.distance.features(_batch(made)), self.features, strict=True)):
             head = self.distance.get_buffer(f"head{number}")[None, :, None, None]
-            total += float(((p - q).square() * head).sum(1).mean())
+            total += mean_of(((p - q).square() * head).sum(1))
         return total
 
     def figures(self, made: Tensor, invented: Tensor, *, invented_distance: bool = True) -> Figures:

@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from ...data.dataset import TruePicture
-from .image_metrics import gradient_energy
+from .image_metrics import gradient_energy, mean_of
 
 ROUNDING = 1e-6
 """Pixels beyond the outermost pixel centres that still count as inside: with 1e-9 to 1e-3 the same pixels of a frame of
@@ -43,7 +43,7 @@ class Reprojection:
 
     def change(self, before: Tensor, after: Tensor) -> float:
         """Mean |before - warp(after)| over valid pixels and channels; NaN without valid pixels."""
-        return float((before - self.warp(after))[:, self.valid].abs().mean())
+        return mean_of((before - self.warp(after))[:, self.valid].abs())
 
 
 def reprojection(before: TruePicture, after: TruePicture) -> Reprojection:

@@ -1,5 +1,7 @@
 """Picture metrics: PSNR, SSIM and gradient energy, which reveals blur.  Pictures: (..., 3, H, W) in 0..1."""
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -7,16 +9,21 @@ WINDOW = 11
 """Side, pixels, of the window of SSIM, a Gaussian of standard deviation 1.5 (Wang et al. 2004)."""
 
 
+def mean_of(values: Tensor) -> float:
+    """The mean in float64, to the last bit the same for any number of threads: torch adds up a part for each."""
+    return float(values.detach().double().cpu().numpy().mean()) if values.numel() else math.nan
+
+
 def psnr(a: Tensor, b: Tensor) -> float:
     """PSNR in dB; infinite if the pictures are equal."""
-    error = (a.double() - b.double()).square().mean()
-    return float(-10.0 * torch.log10(error))
+    error = mean_of((a.double() - b.double()).square())
+    return math.inf if error == 0.0 else -10.0 * math.log10(error)
 
 
 def psnr_after_gain(a: Tensor, b: Tensor) -> float:
     """PSNR in dB after multiplying ``a`` by the global gain with the least squared error."""
     a, b = a.double(), b.double()
-    return psnr(a * ((a * b).sum() / a.square().sum().clamp_min(1e-12)), b)
+    return psnr(a * (mean_of(a * b) / max(mean_of(a.square()), 1e-18)), b)
 
 
 def masked_psnr(a: Tensor, b: Tensor, where: Tensor) -> float:
@@ -26,7 +33,7 @@ def masked_psnr(a: Tensor, b: Tensor, where: Tensor) -> float:
 
 def masked_error(a: Tensor, b: Tensor, where: Tensor) -> float:
     """Mean absolute difference over the pixels ``where`` (H, W) bool; NaN without pixels."""
-    return float((a[..., where].double() - b[..., where].double()).abs().mean())
+    return mean_of((a[..., where].double() - b[..., where].double()).abs())
 
 
 def _window_means(x: Tensor) -> Tensor:
@@ -64,7 +71,7 @@ class SsimTo:
         c1, c2 = 0.01**2, 0.03**2
         value = (2 * mean * self.mean + c1) * (2 * (products - mean * self.mean) + c2)
         value = value / ((mean**2 + self.mean**2 + c1) * (squares - mean**2 + self.variance + c2))
-        return float(value.mean(dtype=torch.float64))
+        return mean_of(value)
 
 
 def ssim(a: Tensor, b: Tensor) -> float:
@@ -74,4 +81,4 @@ def ssim(a: Tensor, b: Tensor) -> float:
 
 def gradient_energy(a: Tensor) -> float:
     """Mean absolute difference of horizontal neighbours plus that of vertical neighbours."""
-    return float((a[..., 1:] - a[..., :-1]).abs().mean() + (a[..., 1:, :] - a[..., :-1, :]).abs().mean())
+    return mean_of((a[..., 1:] - a[..., :-1]).abs()) + mean_of((a[..., 1:, :] - a[..., :-1, :]).abs())

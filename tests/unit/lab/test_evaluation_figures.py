@@ -20,6 +20,7 @@ from pointglass.model.evaluation.metrics.figures import Truth
 from pointglass.model.evaluation.metrics.image_metrics import gradient_energy, masked_error, masked_psnr, ssim
 from pointglass.model.evaluation.metrics.perceptual import SQUEEZE_FILES, SqueezeDistance
 from pointglass.model.evaluation.room_scores import matched_colours
+from pointglass.model.evaluation.rooms.view_scores import column_means
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -101,7 +102,7 @@ def test_fewer_points_are_judged_with_their_own_spacing(room, monkeypatch, densi
 
 def test_means_over_views_leave_out_what_a_view_does_not_have():
     nan = float("nan")
-    means = scene_module._means(np.array([[1.0, nan, nan, 2.0], [3.0, 5.0, nan, float("inf")]]))
+    means = column_means(np.array([[1.0, nan, nan, 2.0], [3.0, 5.0, nan, float("inf")]]))
     assert means[:2] == [2.0, 5.0] and np.isnan(means[2]) and means[3] == float("inf")
 
 

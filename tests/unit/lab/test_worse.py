@@ -114,6 +114,9 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
         "pull-push, our filter, view-dependent blending", "network fast-filtered"}
     with Image.open(files[1]) as sheet:
         assert sheet.width > 3 * 48
+    before = [Path(file).read_bytes() for file in files]
+    assert main([*told, "--json", files[0], "--worst", files[1], "--workers", "2"]) == 0
+    assert [Path(file).read_bytes() for file in files] == before, "by two processes: the same to the byte"
     with pytest.raises(DataError, match="--plot: for one folder"):
         from pointglass.model.evaluation.command import run
         from pointglass.viewer.command_table import make_parser

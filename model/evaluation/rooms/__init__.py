@@ -1,0 +1,1 @@
+"""Rooms evaluated view by view, by one process or by several."""
