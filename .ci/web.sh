@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the page of `pointglass publish` (viewer/commands/publishing/web) into page/page.js.  Needs node and npm; users do not.
-# The first line of the result is the digest of its sources (tests/unit/commands/test_publication_page.py).
+# The first line of the result is the digest of its sources (tests/unit/commands/test_publish_parts.py).
 # --check: writes nothing, exits 1 where page.js is not what the sources make.
 set -euo pipefail
 export LC_ALL=C
