@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 from ..common.errors import InputError, Option
 from .grid_folder import is_grid
 from .remote.address import SCHEMES, address_in, is_address
+from .splats.glb_head import MAGIC as GLB
+from .splats.glb_head import holds_splats
 from .splats.spz_stream import FRONT, GZIP, spz_front
 from .splats.spz_stream import MAGIC as SPZ
 from .text.utf16 import as_utf8
@@ -40,6 +42,7 @@ FORMATS = (
     Format(("LAS", "LAZ", "COPC"), ("las.las_source", "LasSource"), (".las", ".laz"), (b"LASF",)),
     Format(("PLY",), ("ply.splat_ply_source", "open_ply"), (".ply",), (b"ply\n", b"ply\r")),
     Format(("SPZ",), ("splats.spz_source", "SpzSource"), (".spz",), (SPZ,)),
+    Format(("GLB of splats",), ("splats.glb_source", "SplatGlbSource"), (".glb",), (GLB,)),
     Format(("PCD",), ("pcd.pcd_source", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
     Format(("PTS",), ("text.pts", "open_pts"), (".pts",), takes_columns=True),
     Format(("PTX",), ("text.ptx", "PtxSource"), (".ptx",)),
@@ -127,6 +130,8 @@ def is_scan(path: Path) -> bool:
     if path.is_dir():
         return entry_of(path) != path
     suffix = path.suffix.lower()
+    if suffix == ".glb" and not holds_splats(path):
+        return False  # a mesh
     return suffix not in _ANYTHING and any(suffix in row.suffixes for row in FORMATS) and (path.is_file() or is_address(path))
 
 

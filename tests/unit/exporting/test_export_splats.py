@@ -15,6 +15,7 @@ from pointglass.viewer.commands.exporting.splat_export import SPLATS, Placed
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.edits import NO_EDITS
+from pointglass.viewer.readers.formats import open_source
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
 from pointglass.viewer.work.selection import Selection, clips_of
@@ -108,9 +109,11 @@ def test_a_file_is_read_by_other_libraries_and_lies_on_the_scan(tmp_path, scan, 
     else:
         red = own[:, 0] > 0
         assert "has no place for the origin 500004, 5000002, 30, the scan's axes, unit and reference" in done.stderr
-    if name == "splats.ply":
-        told = run("info", out).stdout
-        assert "units    metre" in told and "UTM zone 32N" in told
+    source = open_source(out)  # comes back to where the scan is
+    back = np.concatenate([chunk.xyz for chunk in source.chunks()])
+    assert (source.units, source.metres_per_unit) == ("metre", 1.0) and "UTM zone 32N" in (source.crs or "")
+    assert np.abs(back.min(axis=0) - [500_000, 5_000_000, 30]).max() < 0.3
+    assert np.abs(back.max(axis=0) - [500_008, 5_000_004, 30]).max() < 0.3
     clear = np.abs(own[:, 0]) > 0.2
     assert np.abs(rgb[red & clear].mean(axis=0) * 255 - [234, 39, 78]).max() < 6
     assert np.abs(rgb[~red & clear].mean(axis=0) * 255 - [39, 195, 78]).max() < 6

@@ -85,8 +85,8 @@ def test_our_export_comes_back(tmp_path, seed):
     count = export(Selection.in_sight(scan, NO_EDITS), tmp_path / "b.spz", budget=4000)
     scene = open_scene(tmp_path / "b.spz", cache=False)
     found, colours, *_ = unpack(scene)
-    assert len(found) == count and np.abs(found[:, 1] - 1.5).max() < 0.01  # y is up in the file
-    assert np.abs(np.ptp(found, axis=0) - [6, 0, 4]).max() < 0.2
+    assert len(found) == count and np.abs(found[:, 2] - 1.5).max() < 0.01  # y is up in the file, z was in the scan
+    assert np.abs(np.concatenate([found.min(axis=0), found.max(axis=0)]) - [0, 0, 1.5, 6, 4, 1.5]).max() < 0.2
     clear = np.abs(found[:, 0] - 3) > 0.2
     expected = np.where(found[clear, :1] > 3, [220, 30, 60], [40, 190, 80])
     assert np.abs(colours[clear] - expected).max() <= 2

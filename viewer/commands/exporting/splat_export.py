@@ -63,8 +63,8 @@ def _write_glb(path: Path, splats: Splats, placed: Placed, advance: Callable[[in
     write_splat_glb(path, splats, extras, f"pointglass {__version__}", advance)
 
 
-def _write_spz(path: Path, splats: Splats, _: Placed, advance: Callable[[int], None]) -> None:
-    write_splat_spz(path, splats, advance)
+def _write_spz(path: Path, splats: Splats, placed: Placed, advance: Callable[[int], None]) -> None:
+    write_splat_spz(path, splats, {"to_scan": placed.to_scan.tolist(), **placed.about}, advance)
 
 
 SPLATS: dict[str, SplatTarget] = {
@@ -116,8 +116,8 @@ def write_splats(path: Path, target: SplatTarget, selection: Selection, budget: 
         moved = splats.origin.any() or factor != 1
         x, y, z = splats.origin.tolist()
         place = f"the origin {x:.12g}, {y:.12g}, {z:.12g}, " if moved else ""
-        losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system, and the number of points of "
-                   "each splat (GLB and PLY have)")
+        losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system (they are in a comment that "
+                   "pointglass reads and others skip) nor for the number of points of each splat (GLB and PLY have)")
     about: dict[str, Any] = {"crs": meta.crs or "unknown", "unit": meta.units,
                              "splats_from": f"{len(points.xyz)} measured points"}
     about |= {} if metre is None else {UNIT: metre}

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...common.errors import InputError
+from ..splats.glb_head import holds_splats
 
 MESH_FORMATS: dict[str, tuple[str, str]] = {
     ".glb": ("glTF", "y"), ".gltf": ("glTF", "y"), ".obj": ("OBJ", "z"), ".stl": ("STL", "z"), ".ply": ("PLY", "z"),
@@ -27,8 +28,10 @@ def has_faces(path: Path) -> bool:
 
 
 def is_mesh(path: Path) -> bool:
-    """Whether a path is called as a mesh is; a PLY counts where it holds faces."""
+    """Whether a path is called as a mesh is; a PLY counts where it holds faces, a GLB where it holds no Gaussian splats."""
     suffix = path.suffix.lower()
+    if suffix == ".glb" and holds_splats(path):
+        return False
     return suffix in MESH_FORMATS and (suffix != ".ply" or has_faces(path))
 
 

@@ -5,12 +5,13 @@ zstandard frame.  The columns are positions, opacities, colours, scales, rotatio
 are kept; the others are unpacked to see that they are there.
 """
 
+import json
 import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from ...common.errors import InputError
 from ..own_folder import MOST_UNPACKED, may_unpack
@@ -27,8 +28,11 @@ _MOST_BITS = 24
 """Bits behind the point of a coordinate of 24 bits, at most."""
 _PIECE = 1 << 20
 """Bytes that are unpacked at once."""
-FRONT = 1 << 12
-"""Bytes of a gzip stream that are looked at for a header: over ten times what its Huffman codes take."""
+FRONT = 1 << 15
+"""Bytes of a gzip stream that are looked at for a header: twice as many as the comment of our export has at most, and over ten
+times what its Huffman codes take."""
+_COMMENT = 10
+"""Where the comment of a gzip header begins, if that has only this."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,18 @@ def spz_front(head: bytes) -> bytes:
     except zlib.error:
         return head
     return front if front.startswith(MAGIC) else head
+
+
+def spz_comment(path: Path) -> Any:
+    """The JSON in the comment of a gzip header, as our export writes it; None where there is none."""
+    with path.open("rb") as file:
+        head = file.read(FRONT)
+    if not head.startswith(GZIP) or head[3:4] != b"\x10":
+        return None
+    try:
+        return json.loads(head[_COMMENT : head.index(b"\0", _COMMENT)])
+    except (ValueError, RecursionError):
+        return None
 
 
 def read_spz_header(path: Path) -> SpzHeader:

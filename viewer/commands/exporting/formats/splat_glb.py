@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from ....common.errors import InputError
+from ....readers.splats.glb_head import EXTENSION
 from ....work.splats.splat_cloud import Splats
 
-EXTENSION = "KHR_gaussian_splatting"
 FLOAT, BYTE, ARRAY_BUFFER = 5126, 5121, 34962
 """Constants of glTF."""
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942

@@ -2,11 +2,16 @@
 
 Frame of the file: x right, y up, z back, metres where the unit is known.  Coordinates are 24-bit fixed-point numbers with as
 many bits behind the point as the extent leaves; scales are bytes in steps of exp(1/16).
+
+The format has no place for facts of the scan.  They stand as JSON in the comment that a gzip header may have (RFC 1952), which
+other readers skip.
 """
 
+import json
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +33,10 @@ _LEVEL = 6
 """Of the compression: zlib's default."""
 _BLOCK = 1 << 20
 """Splats packed at a time."""
+_GZIP, _COMMENT = b"\x1f\x8b\x08", 0x10
+"""First bytes of gzip with deflate, and the flag of a comment."""
+MOST_FACTS = 1 << 14
+"""Bytes of the comment; without the reference system's definition where it would have more."""
 
 
 def fraction_bits(reach: float) -> int:
@@ -39,13 +48,14 @@ def fraction_bits(reach: float) -> int:
     return min(bits, _FINEST)
 
 
-def write_splat_spz(path: Path, splats: Splats, advance) -> None:
-    """Writes a file.  splats: in the file's frame.  advance: called with the number of splats that were written."""
+def write_splat_spz(path: Path, splats: Splats, facts: dict[str, Any], advance) -> None:
+    """Writes a file.  splats: in the file's frame.  facts: of the scan, for the comment.  advance: called with the number of
+    splats that were written."""
     if len(splats) > MOST:
         raise InputError(f"SPZ holds {MOST:,} splats at most, these are {len(splats):,}", option="--budget",
                          remedy="give a smaller one, or write GLB or PLY")
     bits = fraction_bits(float(np.abs(splats.xyz).max()))
-    packer = zlib.compressobj(_LEVEL, zlib.DEFLATED, 16 + zlib.MAX_WBITS)
+    packer, checksum, size = zlib.compressobj(_LEVEL, zlib.DEFLATED, -zlib.MAX_WBITS), 0, 0
     columns = (lambda some: _fixed(splats.xyz[some], bits), lambda some: _byte(splats.opacity[some] * 255.0),
                lambda some: _byte((splats.sh0[some] * COLOUR + 0.5) * 255.0),
                lambda some: _byte((np.log(splats.scale[some]) + 10) * 16),
@@ -53,14 +63,24 @@ def write_splat_spz(path: Path, splats: Splats, advance) -> None:
                *([lambda some: _byte(splats.sh1(some) * HARMONIC + HARMONIC)] if splats.degree else []))
     done = 0
     with path.open("wb") as file:
-        file.write(packer.compress(struct.pack("<IIIBBBB", MAGIC, VERSION, len(splats), splats.degree, bits, 0, 0)))
+        file.write(_GZIP + bytes([_COMMENT, 0, 0, 0, 0, 0, 255]) + _comment(facts) + b"\0")
+        data = struct.pack("<IIIBBBB", MAGIC, VERSION, len(splats), splats.degree, bits, 0, 0)
+        file.write(packer.compress(data))
+        checksum, size = zlib.crc32(data), len(data)
         for number, column in enumerate(columns, 1):
             for start in range(0, len(splats), _BLOCK):
-                file.write(packer.compress(column(slice(start, start + _BLOCK)).tobytes()))
+                data = column(slice(start, start + _BLOCK)).tobytes()
+                file.write(packer.compress(data))
+                checksum, size = zlib.crc32(data, checksum), size + len(data)
             now = len(splats) * number // len(columns)
             advance(now - done)
             done = now
-        file.write(packer.flush())
+        file.write(packer.flush() + struct.pack("<II", checksum, size & 0xFFFFFFFF))
+
+
+def _comment(facts: dict[str, Any]) -> bytes:
+    text = json.dumps(facts).encode("ascii")
+    return text if len(text) <= MOST_FACTS else json.dumps({key: facts[key] for key in facts if key != "wkt"}).encode("ascii")
 
 
 def _fixed(values: np.ndarray, bits: int) -> np.ndarray:
