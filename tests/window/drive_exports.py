@@ -21,7 +21,7 @@ LOW, HIGH = (0.5, 0.5, -1.0), (1.5, 2.5, 3.0)
 
 def write_las(path: Path, count: int = 4000) -> laspy.LasData:
     """A wall of coloured points with every attribute of its point format."""
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(6)
     las = laspy.create(point_format=7, file_version="1.4")
     las.header.scales, las.header.offsets = (0.001,) * 3, (0.0,) * 3
     las.xyz = rng.random((count, 3)) * (2.0, 3.0, 0.02)

@@ -20,7 +20,7 @@ AT = 0.5, 0.25
 @pytest.fixture(scope="module")
 def room(tmp_path_factory):
     """Four walls of 8 x 6 m, as a LAS file in metres with 1 mm of noise."""
-    rng, count = np.random.default_rng(), 200_000
+    rng, count = np.random.default_rng(6), 200_000
     along, height = rng.random(count), rng.random(count) * 2.5
     wall = rng.integers(0, 4, count)
     x = np.choose(wall, [along, np.ones(count), along, np.zeros(count)]) * SIDES[0] + AT[0]

@@ -74,11 +74,11 @@ def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"
 
 
-def test_neighbours_are_searched_among_few_points_and_are_those_of_all():
+def test_neighbours_are_searched_among_few_points_and_are_those_of_all(seed):
     """Where the surroundings hold too few points, or points too far away, all are searched."""
     from scipy.spatial import KDTree
 
-    random = np.random.default_rng()
+    random = np.random.default_rng(seed)
     xyz, _ = floor(1)
     apart = np.concatenate([xyz, [[40.0, 40.0, 0.0]]])  # its neighbours lie beyond the cells around it
     for points, places in ((xyz, xyz[:3] + 0.001), (xyz, xyz[random.integers(len(xyz), size=900)]), (apart, apart[-1:]),

@@ -47,8 +47,8 @@ def test_cells_are_counted_up_to_a_limit(seed):
         assert kernels.occupied(xyz, 1 / size, limit, room) == min(cells, limit + 1)
 
 
-def test_quantiles_are_numpys():
-    rng = np.random.default_rng()
+def test_quantiles_are_numpys(seed):
+    rng = np.random.default_rng(seed)
     for _ in range(200):
         points = np.round(rng.normal(0, 10, (int(rng.integers(1, 300)), 3)), int(rng.integers(0, 5)))
         shares = (0.0, 0.02, 0.5, 0.98, 1.0)

@@ -48,8 +48,8 @@ def plain_residual(xyz, value, i, count) -> float:
     return (value[i] - weights @ value[near]) / np.sqrt(1 + (weights**2).sum())
 
 
-def test_residuals_are_those_of_a_plane_through_the_neighbours():
-    random = np.random.default_rng()
+def test_residuals_are_those_of_a_plane_through_the_neighbours(seed):
+    random = np.random.default_rng(seed)
     sizes = np.array([40, 3, 12, 70])
     starts = np.append(0, np.cumsum(sizes))
     xyz = random.normal(size=(starts[-1], 3)) * (1.0, 1.0, 0.1)
@@ -166,8 +166,8 @@ def test_heavy_tails_and_edges_do_not_dominate_the_estimate():
     assert estimate_noise(xyz, spoiled(0.5 + wild, 0.01)).overall < 0.016
 
 
-def test_at_looks_up_the_nearest_voxel_and_the_curve():
-    random = np.random.default_rng()
+def test_at_looks_up_the_nearest_voxel_and_the_curve(seed):
+    random = np.random.default_rng(seed)
     sigma, curve = random.random((3, 4, 5), np.float32), random.random(KNOTS).astype(np.float32)
     model = NoiseModel(np.array([10.0, 20.0, 30.0]), 0.5, sigma, curve, 0.1)
     xyz = random.uniform((9, 19, 29), (14, 23, 33), (200, 3))

@@ -36,9 +36,9 @@ def coloured(luma: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("length", [0.25, 0.5, 2.0])
 @pytest.mark.parametrize("sigma", [0.0, 0.05])
-def test_texture_finer_than_the_spacing_is_told_from_noise_where_stations_overlap(length, sigma):
+def test_texture_finer_than_the_spacing_is_told_from_noise_where_stations_overlap(length, sigma, seed):
     """Length: in point spacings.  One station alone takes nearly all texture of these lengths for noise."""
-    random = np.random.default_rng()
+    random = np.random.default_rng(seed)
     xyz, station = walls(random), random.integers(0, 2, COUNT)
     luma = 0.5 + CONTRAST * texture(xyz, length * SPACING, random) + 0.03 * station + random.normal(0, 1, COUNT) * sigma
     alone = estimate_noise(xyz, coloured(luma)).overall
@@ -50,16 +50,16 @@ def test_texture_finer_than_the_spacing_is_told_from_noise_where_stations_overla
     assert both > 0.6 * sigma
 
 
-def test_stations_that_disagree_leave_the_estimate_of_each():
+def test_stations_that_disagree_leave_the_estimate_of_each(seed):
     """Two surveys a spacing apart: their pairs tell more than the noise, and the smaller estimate is taken."""
-    random = np.random.default_rng()
+    random = np.random.default_rng(seed)
     xyz, station = walls(random), random.integers(0, 2, COUNT)
     luma = 0.5 + CONTRAST * texture(xyz + SPACING * station[:, None], 40 * SPACING, random) + random.normal(0, 0.02, COUNT)
     assert 0.012 < estimate_noise(xyz, coloured(luma), station).overall < 0.022
 
 
-def test_points_that_stand_in_two_files_do_not_hide_noise():
-    random = np.random.default_rng()
+def test_points_that_stand_in_two_files_do_not_hide_noise(seed):
+    random = np.random.default_rng(seed)
     xyz = walls(random)[: COUNT // 2]
     luma = 0.5 + random.normal(0, 0.03, len(xyz))
     twice, station = np.concatenate([xyz, xyz]), np.repeat([0, 1], len(xyz))
@@ -67,8 +67,8 @@ def test_points_that_stand_in_two_files_do_not_hide_noise():
     assert found > 0.024
 
 
-def test_the_nearest_of_others_is_that_of_all_distances():
-    random = np.random.default_rng()
+def test_the_nearest_of_others_is_that_of_all_distances(seed):
+    random = np.random.default_rng(seed)
     sizes, begins, ends = np.array([40, 3, 25, 60, 30]), np.array([0, 0, 0, 3, 3]), np.array([3, 3, 3, 5, 5])
     starts = np.append(0, np.cumsum(sizes))
     xyz, value = random.normal(size=(starts[-1], 3)).astype(np.float32), random.random(starts[-1]).astype(np.float32)

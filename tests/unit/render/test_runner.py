@@ -3,7 +3,6 @@
 import copy
 from contextlib import contextmanager, nullcontext
 
-import numpy as np
 import pytest
 import torch
 from torch import nn
@@ -40,8 +39,7 @@ class Graph:
         return self.output
 
 
-def test_a_graph_gives_what_the_network_gives():
-    seed = int(np.random.default_rng().integers(2**31))
+def test_a_graph_gives_what_the_network_gives(seed):
     generator = torch.Generator().manual_seed(seed)
     for height, width in ((1, 1), (7, 13), (64, 48)):
         runner = Runner(Network(), height, width, capture=Graph)
@@ -163,8 +161,7 @@ def lively(network: nn.Module, seed: int) -> nn.Module:
 
 
 @pytest.mark.parametrize(("dtype", "limit"), [(torch.float64, 1e-12), (torch.float32, 1e-5)])
-def test_folded_normalisation_changes_nothing(dtype, limit):
-    seed = int(np.random.default_rng().integers(2**31))
+def test_folded_normalisation_changes_nothing(dtype, limit, seed):
     plain = lively(PaperUNet(8), seed).to(dtype)
     folded = fold_normalisation(copy.deepcopy(plain))
     assert not any(isinstance(module, nn.BatchNorm2d) for module in folded.modules())

@@ -17,8 +17,8 @@ from pointglass.viewer.work.places.up_axis import upright_axes
 
 
 @pytest.mark.parametrize("aspect", [0.8, 1.6, 2.4])
-def test_an_object_is_framed_entire_and_upright_and_terrain_is_seen_from_above(aspect):
-    rng = np.random.default_rng()
+def test_an_object_is_framed_entire_and_upright_and_terrain_is_seen_from_above(aspect, seed):
+    rng = np.random.default_rng(seed)
     turn = rng.normal(size=(30_000, 3))
     statue = turn / np.linalg.norm(turn, axis=1, keepdims=True) * (0.8, 0.9, 2.0) + (4e5, 5e6, 30.0)
     tile = np.stack([rng.uniform(0, 900, 30_000), rng.uniform(0, 500, 30_000), rng.normal(0, 4, 30_000)], axis=1)

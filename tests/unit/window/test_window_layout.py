@@ -51,10 +51,10 @@ def test_panels_fold_once_where_it_becomes_narrow_and_open_again_as_they_were():
     assert (panels.outliner, panels.inspector) == (False, False), "narrow by the screen's scale"
 
 
-def test_recent_scans_are_the_latest_first_each_once_and_keep_their_thumbnail(tmp_path, monkeypatch):
+def test_recent_scans_are_the_latest_first_each_once_and_keep_their_thumbnail(tmp_path, monkeypatch, seed):
     monkeypatch.setenv("POINTGLASS_STATE", str(tmp_path / "state"))
     assert recent_scans() == []
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(seed)
     picture = rng.integers(0, 255, (90, 400, 3), np.uint8)
     files = [tmp_path / f"{number}.laz" for number in range(MOST + 3)]
     for number, file in enumerate(files):

@@ -63,8 +63,8 @@ def found_share(trace: Trace, back, walls=WALLS, within=0.005) -> float:
 
 @pytest.mark.parametrize("noise", [0.001, 0.002, 0.003, 0.005])
 @pytest.mark.parametrize("spacing", [0.005, 0.012])
-def test_walls_are_traced_within_a_fraction_of_the_noise_and_doors_stay_open(noise, spacing):
-    rng = np.random.default_rng()
+def test_walls_are_traced_within_a_fraction_of_the_noise_and_doors_stay_open(noise, spacing, seed):
+    rng = np.random.default_rng(seed)
     rotation, offset = turn(rng)
     lines = trace(slab(rng, noise, spacing) @ rotation.T + offset, spacing)
 
@@ -82,8 +82,8 @@ def test_walls_are_traced_within_a_fraction_of_the_noise_and_doors_stay_open(noi
     assert lines.sigma == pytest.approx(noise, rel=0.15)
 
 
-def test_corners_are_one_vertex_where_both_walls_meet():
-    rng = np.random.default_rng()
+def test_corners_are_one_vertex_where_both_walls_meet(seed):
+    rng = np.random.default_rng(seed)
     lines = trace(slab(rng, 0.002, 0.01, WALLS[:4]), 0.01)
     (line,) = lines.lines
     assert line.closed and len(line.vertices) == 4
@@ -91,11 +91,11 @@ def test_corners_are_one_vertex_where_both_walls_meet():
     assert np.linalg.norm(line.vertices[:, None] - corners, axis=2).min(axis=1).max() < 0.0015
 
 
-def test_no_line_is_drawn_where_nothing_was_measured():
+def test_no_line_is_drawn_where_nothing_was_measured(seed):
     """Of walls with gaps of random lengths and of clutter: a measured point lies within the stated gap of every place."""
     from scipy.spatial import KDTree
 
-    rng = np.random.default_rng()
+    rng = np.random.default_rng(seed)
     walls = []
     for y in np.arange(0, 6, 0.7):
         edges = np.cumsum(rng.uniform(0.05, 1.5, 8))
@@ -106,8 +106,8 @@ def test_no_line_is_drawn_where_nothing_was_measured():
     assert KDTree(points).query(along(lines.lines))[0].max() <= lines.gap / 2 + lines.tolerance
 
 
-def test_what_fills_an_area_has_no_lines():
-    rng = np.random.default_rng()
+def test_what_fills_an_area_has_no_lines(seed):
+    rng = np.random.default_rng(seed)
     points = rng.random((40_000, 2)) * [3.0, 1.2]  # a table's top
     inside = trace(points, 0.01)
     places = along(inside.lines)
@@ -115,8 +115,8 @@ def test_what_fills_an_area_has_no_lines():
     assert inside.length < 0.5
 
 
-def test_a_round_column_is_a_polygon_around_its_circle():
-    rng = np.random.default_rng()
+def test_a_round_column_is_a_polygon_around_its_circle(seed):
+    rng = np.random.default_rng(seed)
     angle = rng.uniform(0, 2 * np.pi, 40_000)
     points = 0.3 * np.stack([np.cos(angle), np.sin(angle)], axis=1) + rng.normal(0, 0.001, (40_000, 2))
     lines = trace(points, 0.006)  # at most 12.6 mm away in 60 runs, at a corner of the polygon
@@ -131,7 +131,7 @@ def test_too_few_points_have_no_lines(points):
     assert lines.lines == () and lines.count == len(points) and lines.length == 0.0
 
 
-def test_the_same_points_give_the_same_lines():
-    points = slab(np.random.default_rng(), 0.003, 0.012)
+def test_the_same_points_give_the_same_lines(seed):
+    points = slab(np.random.default_rng(seed), 0.003, 0.012)
     first, second = trace(points, 0.012), trace(points, 0.012)
     assert all(np.array_equal(a.vertices, b.vertices) for a, b in zip(first.lines, second.lines, strict=True))

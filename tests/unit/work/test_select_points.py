@@ -28,8 +28,8 @@ XYZ = unpack(SCENE)[0]
 NUMBERS = SCENE.records.numbers(slice(0, SCENE.count)) if SCENE.records is not None else np.zeros(0, int)
 
 
-def test_only_what_a_picture_shows_is_selected():
-    random = np.random.default_rng()
+def test_only_what_a_picture_shows_is_selected(seed):
+    random = np.random.default_rng(seed)
     walls = [np.c_[random.uniform(0, 4, 60_000), np.full(60_000, y), random.uniform(0, 3, 60_000)] for y in (0.0, 2.0)]
     scene = scene_from_arrays(np.concatenate(walls), np.zeros((120_000, 3), np.uint8))
     camera = from_fov(80, 60, 60.0, look_at(np.array((2.0, -3.0, 1.5)), np.array((2.0, 0.0, 1.5))))

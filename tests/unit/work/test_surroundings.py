@@ -44,8 +44,8 @@ def plain_surroundings(points, level, metre, position):
 
 @pytest.mark.parametrize("count", [0, 1, 300, 40_000])
 @pytest.mark.parametrize(("metre", "shift"), [(1.0, 0.0), (1000.0, 0.0), (0.3048, 3.5e6)])
-def test_the_loop_equals_plain_numpy(count, metre, shift):
-    rng = np.random.default_rng()
+def test_the_loop_equals_plain_numpy(count, metre, shift, seed):
+    rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, 3)) * 4 * metre + shift
     level = (rng.uniform(0.1, 1, count) * (rng.uniform(size=count) > 0.3)).astype(np.float32)
     position = rng.normal(size=3) * metre + shift
