@@ -9,6 +9,7 @@ from window_session import session
 
 from pointglass.viewer.window.flight.gamepad import DEAD_ZONE, STILL, Gamepad, Push, beyond_dead_zone
 from pointglass.viewer.window.interaction import controls
+from pointglass.viewer.window.shell.devices import Devices
 
 
 class FakeGlfw:
@@ -131,3 +132,90 @@ def test_a_half_pushed_stick_moves_slower_and_the_right_one_turns():
         clock.now += 1 / 60
         made.advance()
     assert made.flight.state.forward @ right > 0.2 and made.flight.state.pitch > pitch
+
+
+class FakeSpaceMouse(FakeGlfw):
+    """A GLFW with a 3D mouse, and a keyboard that also calls itself a joystick."""
+
+    def __init__(self):
+        super().__init__(connected=False)
+        self.there, self.axes = True, [0.0] * 6
+
+    def joystick_present(self, number):
+        return number == real.JOYSTICK_1 or (self.there and number == real.JOYSTICK_5)
+
+    def get_joystick_name(self, number):
+        return b"3Dconnexion SpaceMouse Compact" if number == real.JOYSTICK_5 else b"A keyboard"
+
+    def get_joystick_axes(self, number):
+        assert number in (real.JOYSTICK_1, real.JOYSTICK_5)
+        return (self.axes, len(self.axes)) if self.there or number == real.JOYSTICK_1 else (None, 0)
+
+    def get_window_attrib(self, window, attribute):
+        assert attribute == real.FOCUSED
+        return window == "focused"
+
+
+def devices_of(fake, made, window="focused"):
+    """Devices of a window that shows a session."""
+    host = SimpleNamespace(glfw=fake, window=window, session=made, asking=False, wake=lambda: None, act=lambda action: None)
+    return host, Devices(host)
+
+
+def test_a_3d_mouse_is_found_comes_and_goes_and_rests_while_a_question_is_open():
+    fake, (made, _) = FakeSpaceMouse(), session()
+    host, devices = devices_of(fake, made)
+    assert devices.connected and devices.space_mouse.connected and not devices.gamepad.connected
+    devices.follow()
+    assert made.flight.twist == STILL and not made.flight.under_way
+    for axes, push in (([1.0, 0, 0, 0, 0, 0], Push(right=1.0)), ([0, -1.0, 0, 0, 0, 0], Push(forward=1.0)),
+                       ([0, 0, -1.0, 0, 0, 0], Push(up=1.0)), ([0, 0, 0, 1.0, 0, 0], Push(tilt=1.0)),
+                       ([0, 0, 0, 0, 1.0, 0], STILL), ([0, 0, 0, 0, 0, 1.0], Push(turn=1.0)),
+                       ([0.03, -0.03, float("nan"), 0, 0, 0], STILL)):
+        fake.axes = axes
+        devices.follow()
+        assert made.flight.twist == push, axes
+    fake.axes = [1.0] * 6
+    made.notices.say("A question", "is open")
+    devices.follow()
+    assert made.flight.twist == STILL
+    made.notices.message, host.window = None, "another"
+    devices.follow()
+    assert made.flight.twist == STILL, "it is another program's"
+    host.window, fake.there = "focused", False  # pulled, and not reported yet
+    devices.follow()
+    assert made.flight.twist == STILL
+    fake.plug(False)
+    devices.follow()
+    assert made.flight.twist is None and not devices.connected
+    fake.there = True
+    fake.plug(False)
+    devices.follow()
+    assert devices.space_mouse.connected and made.flight.twist.right == 1.0
+
+
+@pytest.mark.parametrize("mouse, sign", [("fly", 1.0), ("orbit", -1.0), ("cad", -1.0)])
+def test_a_3d_mouse_moves_the_camera_or_where_drags_orbit_the_scene(mouse, sign):
+    def moved(axes, factor=1.0):
+        fake, (made, clock) = FakeSpaceMouse(), session()
+        made.flight.mouse, made.flight.twist_speed = mouse, factor
+        _, devices = devices_of(fake, made)
+        made.advance()
+        start, fake.axes = made.flight.state, axes
+        for _ in range(20):
+            clock.now += 1 / 60
+            devices.follow()
+            made.advance()
+        return start, made.flight.state, made.flight.middle
+
+    start, end, _ = moved([1.0, 0, 0, 0, 0, 0])
+    assert sign * ((end.position - start.position) @ start.right) > 0.1 and end.yaw == start.yaw
+    slow = moved([1.0, 0, 0, 0, 0, 0], 0.25)[1]
+    assert np.linalg.norm(slow.position - start.position) < 0.5 * np.linalg.norm(end.position - start.position)
+    start, end, middle = moved([0, 0, 0, 0.5, 0, 1.0])
+    if mouse == "fly":
+        assert np.array_equal(end.position, start.position) and end.forward @ start.right > 0.1 and end.pitch > start.pitch
+    else:
+        far = [np.linalg.norm(state.position - middle) for state in (start, end)]
+        assert far[0] == pytest.approx(far[1]) and np.linalg.norm(end.position - start.position) > 0.05
+        assert end.pitch < start.pitch and end.forward @ start.right < -0.1, "right, its top to the person"

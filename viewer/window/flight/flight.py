@@ -15,11 +15,13 @@ from ...work.measuring.measure_text import unit_name
 from ...work.places.up_axis import turned, upright_axes
 from . import mouse
 from .framing import from_side, overview
-from .gamepad import STILL
+from .gamepad import STILL, Push
 from .glide import Glide, Turn
 from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
+from .orbit import ORBIT, orbited
 from .parallel_flight import REST as REST
 from .parallel_flight import ParallelFlight
+from .space_mouse import added, of_scene, scaled
 from .start_viewpoint import FIELD_OF_VIEW, Survey
 from .walking import Walker
 
@@ -37,7 +39,8 @@ class Flight(ParallelFlight):
     Of the class it is made from: orthographic, plane.
     held: actions of the keys held down.
     mouse: what drags and the wheel do, a key of viewer.window.flight.mouse.PRESETS.
-    looking: whether the mouse turns the camera.  push: what the gamepad asks for.
+    looking: whether the mouse turns the camera.  push: what the gamepad asks for.  twist: what the 3D mouse asks for, None
+    where there is none; twist_speed: its axes are multiplied by it.
     walker: the person who walks on the floor, None while flying.
     floor_lost: whether a walk ended because there was no floor any more.
     """
@@ -53,6 +56,8 @@ class Flight(ParallelFlight):
         self.mouse = mouse.DEFAULT
         self.walker: Walker | None = None
         self.push = STILL
+        self.twist: Push | None = None
+        self.twist_speed = 1.0
         self._look = [0.0, 0.0]
         self._glide: tuple[float, Glide | Turn] | None = None  # since when
         self._dragged = False  # since the last call of advance
@@ -101,7 +106,7 @@ class Flight(ParallelFlight):
         return self._moved + REST - self._clock()
 
     def _keys_move(self) -> bool:
-        return bool(self.held & _WAYS) or self.push.moves or self.push.looks
+        return bool(self.held & _WAYS) or any(push.moves or push.looks for push in (self.push, self.twist or STILL))
 
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
@@ -114,11 +119,13 @@ class Flight(ParallelFlight):
         if self._glide is not None:
             self._follow_glide(now)
         elif moves and self._seen is not None:
+            if self._twists_scene:
+                self._orbit(dt)
             motion = self._motion(dt)
             if self.height is not None:
                 self._step_orthographic(motion, self.height, dt)
             else:
-                self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
+                self.state = step(self.state, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
         self._look = [0.0, 0.0]
         changed, self._dragged = self._dragged or _place(before) != _place(self.state) or self.orthographic != scale, False
         if changed:
@@ -126,8 +133,12 @@ class Flight(ParallelFlight):
         return changed
 
     def _motion(self, dt: float) -> Motion:
-        """What keys, mouse and gamepad ask for.  A stick moves as fast as it is pushed; its look is squared, for fine turns."""
+        """What keys, mouse, gamepad and 3D mouse ask for.  A stick moves as fast as it is pushed; its look is squared, for fine
+        turns."""
         held, push = self.held, self.push
+        if self.twist is not None:
+            twist = scaled(self.twist, self.twist_speed)
+            push = added(push, of_scene(twist) if self._twists_scene else twist)
         forward, right, up = (("forward" in held) - ("back" in held), ("right" in held) - ("left" in held),
                               ("up" in held) - ("down" in held))
         pushed = float(np.linalg.norm([push.forward, push.right, push.up]))
@@ -138,6 +149,19 @@ class Flight(ParallelFlight):
             slow="slow" in held, strength=strength if pushed else 1.0,
             look=(self._look[0] + turn * push.turn * abs(push.turn), self._look[1] - turn * push.tilt * abs(push.tilt)),
         )  # fmt: skip
+
+    @property
+    def _twists_scene(self) -> bool:
+        """Whether the 3D mouse moves the scene, as drags do that orbit, and not the camera."""
+        return self.twist is not None and self.walker is None and (self.mouse != mouse.DEFAULT or self.orthographic is not None)
+
+    def _orbit(self, dt: float) -> None:
+        """Turns the scene about its middle as the cap of the 3D mouse is twisted."""
+        assert self.twist is not None
+        twist = scaled(self.twist, self.twist_speed)
+        turn, tilt = (STICK / ORBIT * dt * value * abs(value) for value in (twist.turn, twist.tilt))
+        if turn or tilt:
+            self.state = orbited(self.state, self.middle, -turn, tilt, self.steepest)
 
     def _walk(self, walker: Walker, motion: Motion, dt: float) -> FlyState:
         """The camera after a time on foot; where there is no floor any more it stops and flies from now on."""
@@ -265,6 +289,7 @@ class Flight(ParallelFlight):
         """Forgets every key and button held."""
         self.held.clear()
         self.looking, self._glide, self.push = False, None, STILL
+        self.twist = None if self.twist is None else STILL
 
 
 def _place(state: FlyState) -> tuple:

@@ -54,16 +54,18 @@ def beyond_dead_zone(x: float, y: float) -> tuple[float, float]:
 class Gamepad:
     """The first connected pad.  focused: whether the window has the keyboard; else its pad is another program's.
 
-    glfw: the module, or what stands for it in a test.
+    glfw: the module, or what stands for it in a test.  follows: called when joysticks are looked for, at the start and when one
+    came or went: GLFW calls one function only.
     """
 
-    def __init__(self, glfw: Any, focused: Callable[[], bool]):
+    def __init__(self, glfw: Any, focused: Callable[[], bool], follows: Callable[[], object] = lambda: None):
         self._glfw, self._focused = glfw, focused
         self._number: int | None = None
         self._pressed: set[str] = set()
         self._names = {name: getattr(glfw, f"GAMEPAD_BUTTON_{name}") for name in _BUTTONS}
         self._axes = [getattr(glfw, f"GAMEPAD_AXIS_{name}")
                       for name in ("LEFT_X", "LEFT_Y", "RIGHT_X", "RIGHT_Y", "LEFT_TRIGGER", "RIGHT_TRIGGER")]
+        self._follows = follows
         glfw.set_joystick_callback(self._on_change)
         self._find()
 
@@ -76,6 +78,7 @@ class Gamepad:
         numbers = range(glfw.JOYSTICK_1, glfw.JOYSTICK_LAST + 1)
         self._number = next((number for number in numbers if glfw.joystick_is_gamepad(number)), None)
         self._pressed.clear()
+        self._follows()
 
     @property
     def connected(self) -> bool:

@@ -72,6 +72,7 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
     "Gamepad": (
         Control(("STICKS",), "Sticks", "pad_sticks", "left: move; right: look; triggers: down and up", "gamepad"),
         Control(("BUMPERS",), "Bumpers", "pad_speed", "slower and faster", "gamepad"),
+        Control(("SPACE_MOUSE",), "3D mouse", "space_mouse", "moves the camera, or in orbit the scene", "gamepad"),
         Control(("PAD_A",), "A, B, Start", "pad_buttons", "walk or fly; back to the start; these controls", "gamepad"),
     ),
     "Window": (

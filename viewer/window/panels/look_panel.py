@@ -12,7 +12,8 @@ from imgui_bundle import ImVec2, imgui
 from ...picture.background import COLOURS
 from ...picture.settings import BACKGROUNDS, CHOICES, Settings
 from ...picture.views import VIEWS
-from ..kit.sliders import slider_float, slider_int
+from ..flight.space_mouse import FASTEST, SLOWEST
+from ..kit.sliders import CLAMP, LOGARITHMIC, slider_float, slider_int
 from ..kit.theme import Theme
 from ..kit.widgets import (  # fmt: skip
     button,
@@ -84,6 +85,11 @@ def _look(session: Session, actions: Actions, new: Settings, style: Theme) -> Se
     if background != chosen.background:
         actions.choose_background(background)
     draw_mouse_choice(session.flight.mouse, actions, style)
+    if session.flight.twist is not None:
+        label("3D mouse", "How fast the camera, or where drags orbit the scene, follows its cap", style)
+        changed, factor = slider_float("##twist", session.flight.twist_speed, SLOWEST, FASTEST, "%.2f", CLAMP | LOGARITHMIC)
+        if changed:
+            actions.choose_twist_speed(factor)
     label("in flight", "Holds a steady frame rate while the camera moves: a lower resolution, fewer points and the filled view "
           "where needed; full quality at rest", style)
     changed, quick = imgui.checkbox("keep up", session.picture.adaptive_lod.keep_up)

@@ -37,6 +37,9 @@ class Actions(Protocol):
     def choose_background(self, name: str) -> None:
         """Chooses what is laid behind the picture."""
 
+    def choose_twist_speed(self, factor: float) -> None:
+        """Chooses how fast the 3D mouse is, within viewer.window.flight.space_mouse.SLOWEST and FASTEST."""
+
     def choose_mouse(self, preset: str) -> None:
         """Chooses what drags and the wheel do, a key of viewer.window.flight.mouse.PRESETS."""
 

@@ -16,6 +16,7 @@ from ...common.state_files import read_state, write_state
 from ...picture.settings import BACKGROUNDS, Settings
 from ..flight.mouse import DEFAULT as DEFAULT_MOUSE
 from ..flight.mouse import PRESETS
+from ..flight.space_mouse import FASTEST, SLOWEST
 from .recent import state_dir
 from .work import LARGEST_SHOT
 
@@ -34,7 +35,7 @@ _log = logging.getLogger(__name__)
 class Preferences:
     """width, height: of the window, logical pixels.  outliner, inspector: whether the panels are open.  background: a key of
     BACKGROUNDS.  shot_scale: times the window's size that F12 saves.  quality, detail: as in Settings.
-    mouse: a key of viewer.window.flight.mouse.PRESETS.  cube: whether the view cube is shown."""
+    mouse: a key of viewer.window.flight.mouse.PRESETS.  cube: whether the view cube is shown.  twist_speed: of the 3D mouse."""
 
     width: int = 1280
     height: int = 720
@@ -46,10 +47,12 @@ class Preferences:
     detail: float = 1.0
     mouse: str = DEFAULT_MOUSE
     cube: bool = True
+    twist_speed: float = 1.0
 
     def __post_init__(self) -> None:
         good = (min(self.width, self.height) >= SMALLEST and max(self.width, self.height) <= LARGEST_SIDE
-                and self.background in BACKGROUNDS and self.mouse in PRESETS and 1 <= self.shot_scale <= LARGEST_SHOT)
+                and self.background in BACKGROUNDS and self.mouse in PRESETS and 1 <= self.shot_scale <= LARGEST_SHOT
+                and SLOWEST <= self.twist_speed <= FASTEST)
         if not good:
             raise InputError(f"window preferences {asdict(self)}: out of range")
         Settings(quality=self.quality, detail=self.detail)  # raises InputError
@@ -89,7 +92,8 @@ def preferences_of(session: "Session") -> Preferences | None:
     try:
         return Preferences(round(width / density), round(height / density), panels.outliner, panels.inspector,
                            chosen.background, session.work.shot_scale, chosen.shown_settings.quality,
-                           float(chosen.shown_settings.detail), session.flight.mouse, panels.cube)
+                           float(chosen.shown_settings.detail), session.flight.mouse, panels.cube,
+                           session.flight.twist_speed)
     except InputError:
         return None
 
@@ -100,3 +104,4 @@ def take_preferences(session: "Session", kept: Preferences) -> None:
     session.area.panels.cube = kept.cube
     session.view_settings.background = kept.background
     session.work.shot_scale, session.flight.mouse = kept.shot_scale, kept.mouse
+    session.flight.twist_speed = kept.twist_speed

@@ -15,6 +15,7 @@ from ...work.scan_files import FilePart, files_of
 from ..file_dialog.file_dialogs import FileDialogs
 from ..flight.framing import SIDES
 from ..flight.gamepad import SPEED_NOTCHES
+from ..flight.space_mouse import FASTEST, SLOWEST
 from ..interaction.editing import copy_camera, paste_camera, step
 from ..interaction.fly import Fly
 from ..interaction.projection_switch import change_projection, turn_to
@@ -114,6 +115,10 @@ class WindowActions:
 
     def choose_mouse(self, preset: str) -> None:
         self._session.flight.mouse = preset
+
+    def choose_twist_speed(self, factor: float) -> None:
+        if SLOWEST <= factor <= FASTEST:  # a typed one may be no number
+            self._session.flight.twist_speed = factor
 
     def keep_up(self, on: bool) -> None:
         self._session.picture.adaptive_lod.keep_up, self._session.picture.dirty = on, True

@@ -18,7 +18,7 @@ from ...picture.settings import MEMORY, Memory, Settings
 from ...readers.remote.address import is_address
 from ..file_dialog.choice_window import ChoiceWindow
 from ..file_dialog.file_dialogs import FileDialogs
-from ..flight.gamepad import POLL, STILL, Gamepad
+from ..flight.gamepad import POLL
 from ..interaction.meshes.arriving_meshes import scans_of_opened
 from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
@@ -35,6 +35,7 @@ from ..session.session import Session
 from ..viewport.viewport import Viewport
 from .actions import WindowActions
 from .answers import Answers
+from .devices import Devices
 from .input import Input
 from .interface import draw_interface
 
@@ -99,7 +100,7 @@ class App:
         self.last_view, self.actions = last_view, WindowActions(self)
         self.answers = Answers()
         self.input = Input(self)
-        self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
+        self.devices = Devices(self)
         self._measure_density()
 
     @property
@@ -112,17 +113,6 @@ class App:
         """Where the first file of the scan lies; None without one."""
         paths = self.session.shown_scan.paths
         return paths[0].absolute().parent if paths and not is_address(paths[0]) else None
-
-    def _follow_gamepad(self) -> None:
-        """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
-        push, actions = self.gamepad.read()
-        session = self.session
-        free = session.notices.message is None and not self.asking
-        session.flight.push = push if free and session.scene is not None else STILL
-        for action in actions if free else ():
-            self.wake()
-            session.flight.stop_glide()
-            self.act(action)
 
     def say_compiling(self, line: str) -> None:
         """Shows that loops are being compiled.  From any thread."""
@@ -225,14 +215,13 @@ class App:
         busy = arriving or reading or restless or self._settle > 0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
-                nap = POLL if self.gamepad.connected else _IDLE_SECONDS
+                nap = POLL if self.devices.connected else _IDLE_SECONDS
                 glfw.wait_events_timeout(_REDRAW_SECONDS if stirring else min(nap, change or nap))
             else:
                 glfw.poll_events()
         if self._woken:
             self._woken, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
-        if self.gamepad.connected:
-            self._follow_gamepad()
+        self.devices.follow()
         session.notices.take_answer()
         if self.files.poll():
             self.wake()
@@ -306,7 +295,7 @@ class App:
         self.projects.close()
         self.save_actions.close()
         self.toolbox.close()
-        self.gamepad.close()
+        self.devices.close()
         self.session.close()
         self.clipboard.close()
         self.start_page.release()
