@@ -1,5 +1,7 @@
-"""``Scan.show`` in a notebook: a kernel answers the page's messages with pictures; JupyterLab in Chromium shows them."""
+"""``Scan.show`` in a notebook: a kernel answers the page's messages with pictures; JupyterLab in Chromium shows them, and so
+does any page that keeps to anywidget's protocol."""
 
+import base64
 import importlib.util
 import io
 import json
@@ -128,6 +130,65 @@ def test_a_kernel_answers_messages_with_pictures():
     finally:
         client.stop_channels()
         manager.shutdown_kernel(now=True)
+
+
+HOST = """(async (source, height) => {
+  const address = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));
+  const heard = [], traits = { height, title: 'Room' };
+  const { default: widget } = await import(address);
+  window.sent = [];
+  window.listeners = () => heard.length;
+  window.receive = (content, data) => {
+    const bytes = Uint8Array.from('..' + atob(data), (letter) => letter.charCodeAt(0));
+    for (const [name, hear] of heard) if (name === 'msg:custom') hear(content, [new DataView(bytes.buffer, 2)]);
+  };
+  const model = {
+    get: (name) => traits[name], set: () => undefined, save_changes: () => undefined,
+    send: (content) => void window.sent.push(content), on: (...one) => void heard.push(one),
+    off: (...one) => void heard.splice(heard.findIndex((each) => each.every((part, k) => part === one[k])), 1),
+  };
+  window.leave = await widget.render({ model, el: document.body.appendChild(document.createElement('div')) });
+})(%s, 240)"""
+"""What anywidget's protocol gives to a widget: a model of traits and messages, and an element."""
+
+
+@pytest.mark.skipif(bool(missing("anywidget")) or chromium.PROGRAM is None, reason="anywidget or Chromium is not installed")
+def test_any_page_that_keeps_to_anywidget_s_protocol_shows_the_scan_and_lets_one_move(tmp_path, scan):
+    shown, told = scan.show(camera=look(scan), view="filled", height=240), []
+    shown.send = lambda content, buffers=(): told.append((content, buffers))
+    page = chromium.Page(tmp_path / "profile", 400, 300)
+
+    def until(expression):
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            for event in page.value("window.sent.splice(0)"):
+                shown._handle_custom_msg(event, [])
+            while told:
+                content, buffers = told.pop(0)
+                data = base64.b64encode(buffers[0]).decode()
+                page.value(f"window.receive({json.dumps(content)}, '{data}')")
+            if page.value(expression):
+                return
+            time.sleep(0.01)
+        raise AssertionError(expression)
+
+    try:
+        page.open("about:blank")
+        page.value(HOST % json.dumps(shown._esm if isinstance(shown._esm, str) else Path(str(shown._esm)).read_text("utf-8")))
+        image = "document.querySelector('img')"
+        still = f"{image}.dataset.moving === 'false' && {image}.naturalHeight === 240"
+        until(still)
+        before, number = shown.camera, int(page.value(f"{image}.dataset.number"))
+        for act, moved in ((lambda: page.drag(100, 120, 220, 120), "forward"), (lambda: page.wheel(100, 120, -200), "position"),
+                           (lambda: page.key("w"), "position")):
+            act()
+            until(f"Number({image}.dataset.number) > {number} && {still}")
+            assert np.abs(getattr(shown.camera, moved) - getattr(before, moved)).max() > 1e-3
+            before, number = shown.camera, int(page.value(f"{image}.dataset.number"))
+        page.value("(window.leave(), 0)")
+        assert page.value("window.listeners()") == 0 and page.complaints == []
+    finally:
+        page.close()
 
 
 WIDGET = "document.querySelector('.jp-OutputArea img[data-number]')"
