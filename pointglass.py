@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from .viewer.interface.place_camera import look_at, orthographic, read_cameras, write_cameras
     from .viewer.interface.scan_photographs import Photograph
     from .viewer.interface.volume_between import volume_between
+    from .viewer.interface.volume_in_box import volume_in_box
     from .viewer.picture.camera import Camera
     from .viewer.picture.provenance import PROVENANCE
     from .viewer.work.comparing.compare import Distances
@@ -99,7 +100,8 @@ if TYPE_CHECKING:
 __all__ = [
     "PROVENANCE", "Camera", "DeviceError", "Distances", "Fit", "Frame", "InputError", "Photograph", "Picture",
     "PointglassError", "Points", "RenderSettings", "Scan", "__version__", "compare", "demo_scan", "from_points", "look_at",
-    "open", "orthographic", "read_cameras", "show_published", "volume_between", "write_cameras",
+    "open", "orthographic", "read_cameras", "show_published", "volume_between", "volume_in_box",
+    "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
@@ -115,6 +117,7 @@ _MODULES = {
     "interface.pictures": ["Frame", "Picture"],
     "interface.place_camera": ["look_at", "orthographic", "read_cameras", "write_cameras"],
     "interface.volume_between": ["volume_between"],
+    "interface.volume_in_box": ["volume_in_box"],
     "commands.demo": ["demo_scan"],
     "picture.provenance": ["PROVENANCE"],
     "work.comparing.compare": ["Distances"],

@@ -83,3 +83,18 @@ def test_a_volume_between_arrays_and_scans_is_the_true_one_and_bad_corners_are_r
     for bad in ([(0, 0)], corners[[0, 2, 1, 3]], corners + 50):
         with pytest.raises(pointglass.InputError):
             pointglass.volume_between(before, after, bad)
+
+
+def test_the_volume_in_a_box_is_the_true_one_and_no_box_is_refused(seed):
+    rng = np.random.default_rng(seed)
+    for lift in (0.0, 0.05):  # of the box above the ground
+        flat = rng.uniform(0, 4, (40_000, 2))
+        heap = (np.abs(flat - 2) < 0.5).all(axis=1)
+        cloud = np.column_stack([flat, 0.3 * heap + rng.normal(0, 0.002, len(flat))]) + [1e5, 2e5, 100]
+        found = pointglass.volume_in_box(cloud, np.array([[1, 1, lift], [3, 3, 1.0]]) + [1e5, 2e5, 100])
+        assert abs(found.cut - (0.3 - lift)) <= found.uncertainty < 0.06 and found.fill == 0
+        assert found.place == pytest.approx((1e5 + 2, 2e5 + 2, 100 + lift)) and found.area == pytest.approx(4.0)
+    with pytest.raises(pointglass.InputError, match=r"box .*each maximum above its minimum"):
+        pointglass.volume_in_box(cloud, [[1, 1, 0], [0, 3, 1]])
+    with pytest.raises(pointglass.InputError, match="too few"):
+        pointglass.volume_in_box(cloud, [[0, 0, 0], [1, 1, 1]])

@@ -8,12 +8,14 @@ import pytest
 from test_tool_actions import Context, click
 
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
-from pointglass.viewer.picture.clip import vector
+from pointglass.viewer.picture.clip import Box, vector
 from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.window.interaction.clipping.clip_tool import ClipTool
 from pointglass.viewer.window.interaction.measuring.measure import Measure
 from pointglass.viewer.window.interaction.measuring.profile_graph import write_profile
 from pointglass.viewer.window.interaction.measuring.volumes import DATES, FITTED, MEAN, TYPED
 from pointglass.viewer.window.interaction.tool import KeyEvent
+from pointglass.viewer.work.measuring.measure_table import csv_text
 from pointglass.viewer.work.measuring.measure_text import value_text, volume_text
 
 HEAP = 0.5**2 * 0.3
@@ -128,3 +130,24 @@ def test_a_profile_is_one_step_over_the_block_and_its_stations_are_saved(block, 
             assert row["height"] == pytest.approx(-4.7 if on_block else -5.0, abs=1e-3)
         assert row["y"] == pytest.approx(-row["height"]) and row["z"] == pytest.approx(1.5, abs=0.02)
     assert context.session.work.undo() == "Measure profile" and context.document.measurements == ()
+
+
+def test_the_volume_in_a_clip_box_is_a_measurement_of_the_list(block):
+    """The box is active, so that the points beneath it are not drawn; they tell where nothing lies in it."""
+    context, tool = Context(block), ClipTool()
+    box = Box((2.0, 4.8, 1.5), (0.7, 0.195, 0.6))  # from 5 mm above the ground on
+    context.session.work.edit("Up", up=vector((0.0, -1.0, 0.0)), clips=(box,))
+    tool.volume.start(context, box)
+    end = monotonic() + 60
+    while tool.volume.worker is not None and monotonic() < end:
+        tool.follow(context)
+        sleep(0.01)
+    (made,) = context.document.measurements
+    assert made.kind == "volume" and made.name == "Volume in Box" and made.volume is not None
+    truth = HEAP * 295 / 300
+    assert abs(made.volume.cut - truth) <= made.volume.cut_uncertainty < 0.2 * HEAP and made.volume.fill == 0
+    assert "in the box" in volume_text(made, "m") and "fill" not in volume_text(made, "m")
+    row = next(csv.DictReader(csv_text([made], 1.0).splitlines()))
+    assert float(row["cut"]) == made.volume.cut and float(row["base_height"]) == pytest.approx(-4.995)
+    context.session.work.history.undo()
+    assert context.document.measurements == ()

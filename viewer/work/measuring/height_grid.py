@@ -13,13 +13,13 @@ Frame: relative to a place, axes of the file, file units, float64.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...common.errors import InputError
-from ...common.progress import progress
-from ...picture.clip import Vector, vector
+from ...common.progress import Progress, progress
+from ...picture.clip import Box, Vector, vector
 from ..fits.measured import InBox
 from ..fits.surfaces import frame_of
 from .hanging_surfaces import hanging
@@ -56,14 +56,58 @@ def measured_volume(in_box: InBox, corners: np.ndarray, noise: np.ndarray, spaci
         base_spread = float(np.hypot(base_spread, rounding / np.sqrt(12.0)))
         places, above = seen.points(in_box, base, spacing)
         steps.update(1)
+        return _volume_above(seen, base, base_spread, places, above, spacing, steps)
+
+
+def volume_in_box(in_box: InBox, box: Box, spacing: float, up: np.ndarray, rounding: float = 0.0) -> tuple[Volume, np.ndarray]:
+    """The volume between the lowest face of a box and the surface that is measured in it: its ``cut``; ``fill`` and what is
+    below the box are no part of it.  Place: relative as the box.
+
+    Heights are measured along the axis of the box that is nearest to ``up``.  Where points lie below the box only, nothing is
+    in it.  Returns the volume, and (4, 3) the corners of that face.  The other arguments, errors and progress as
+    :func:`measured_volume`.
+    """
+    from scipy.ndimage import binary_erosion
+
+    axes = np.array(box.axes)
+    number = int(np.abs(axes @ up).argmax())
+    axis = axes[number] if axes[number] @ up > 0 else -axes[number]
+    one, other = (box.half[each] * axes[each] for each in range(3) if each != number)
+    corners = np.array(box.centre) - box.half[number] * axis + [one + other, one - other, -one - other, other - one]
+    seen = Polygon.of(corners, axis)
+    with progress(5, "measuring a volume") as steps:
+        base = np.array([float(seen.heights.mean()), 0.0, 0.0])
+        places, above = seen.points(in_box, base, spacing)
+        steps.update(1)
+        kept = above <= 2 * box.half[number]
+        places, above = places[kept], above[kept]
+        if (above >= -spacing).sum() < _FEWEST:
+            raise InputError(f"only {(above >= -spacing).sum()} measured points lie in this box, which is too few for a volume")
         grid = grid_for(seen, [places], spacing)
-        steps.update(1)
-        cells, _, above = standing_in(grid, places, above)
-        surface, count = heights_of(cells, above, grid), len(above)
-        steps.update(1)
-        found = volumes_of(surface.height, surface, seen.area, base_spread)
-        steps.update(2)
-    return Volume(*found, *seen.base(base), seen.area, grid.cell, surface.empty, surface.layered, count)
+        cells = grid.cells(places)
+        below = above < -spacing
+        filled = np.zeros(grid.inside.size + 1, bool)  # the last one: outside the grid
+        filled[cells[~below]] = True
+        # at the edge of what is in the box the cells are in part without it; beneath the rest lies another storey
+        inner = np.append(binary_erosion(filled[:-1].reshape(grid.shape), np.ones((3, 3), bool), border_value=1), False)
+        kept = ~(below & inner[cells])
+        places, above = places[kept], np.where(below, 0.0, above)[kept]
+        found = _volume_above(seen, base, rounding / np.sqrt(12.0), places, above, spacing, steps)
+    net = replace(found, fill=0.0, fill_uncertainty=0.0, uncertainty=found.cut_uncertainty)
+    return net, corners
+
+
+def _volume_above(seen: "Polygon", base: np.ndarray, base_spread: float, places: np.ndarray, above: np.ndarray, spacing: float,
+                  steps: Progress) -> Volume:
+    """Of points, (m, 2) places and (m,) heights above a base; four steps of progress."""
+    grid = grid_for(seen, [places], spacing)
+    steps.update(1)
+    cells, _, above = standing_in(grid, places, above)
+    surface = heights_of(cells, above, grid)
+    steps.update(1)
+    found = volumes_of(surface.height, surface, seen.area, base_spread)
+    steps.update(2)
+    return Volume(*found, *seen.base(base), seen.area, grid.cell, surface.empty, surface.layered, len(above))
 
 
 def volume_between(before: InBox, after: InBox, corners: np.ndarray, spacing: float, up: np.ndarray,

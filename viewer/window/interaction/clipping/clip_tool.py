@@ -11,13 +11,15 @@ import numpy as np
 from ....picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
 from ....work.document import replaced, unique_name, without
 from ...kit import icons
-from ..editing import edit, metres_per_unit, unit_of
+from ..editing import edit, end, metres_per_unit, unit_of
 from ..outline import Group, Row
 from ..tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from .box_volume import BoxVolume
 from .clip_numbers import draw_numbers
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
+    from ...kit.worker import Worker
 
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""
@@ -127,6 +129,7 @@ class ClipTool(Tool):
         self._start: Clip | None = None
         self._dragged: Clip | None = None  # the clip as the drag has left it
         self._gesture = 0
+        self.volume = BoxVolume()
 
     def _clip(self, context: ToolContext) -> Clip | None:
         clips = context.document.clips
@@ -277,3 +280,15 @@ class ClipTool(Tool):
                 ui.same_line()
         if ui.button("Delete"):
             edit(context, f"Delete {clip.name}", clips=without(context.document.clips, self.chosen))
+        if isinstance(clip, Box) and not clip.removes:
+            self.volume.panel(ui, context, clip)
+
+    def follow(self, context: ToolContext) -> None:
+        self.volume.follow(context)
+
+    @property
+    def workers(self) -> "tuple[Worker | None]":
+        return (self.volume.worker,)
+
+    def close(self) -> None:
+        end(self.volume.worker)
