@@ -74,6 +74,35 @@ def test_walking_that_is_asked_for_in_a_preview_begins_when_there_is_a_floor():
     assert not walk.on and made.flight.walker is None
 
 
+def test_a_scan_at_an_address_becomes_finer_in_place_until_all_of_it_is_there():
+    gate, scenes = threading.Event(), [room(points=count) for count in (500, 2000)]
+
+    def opened(paths, **_):
+        assert gate.wait(20)
+        return room()
+
+    made, _ = session()
+    made.loads.open_scene = opened
+    made.loads.preview_scene = lambda paths, detail, **_: scenes[detail] if detail < len(scenes) else None
+    made.open([Path("https://archive.example/a.copc.laz")])
+    work = made.loads.current
+    for scene in scenes:
+        while (loaded := made.poll()) is None:
+            pass
+        made.accept(loaded)
+        made.loads.preview_shown()
+        assert made.scene is scene and made.shown_scan.preview and made.loads.current is work
+        if scene is scenes[0]:
+            made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
+            camera = made.camera
+        assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world), "the camera stays"
+    gate.set()
+    assert work is not None and work.join(20)
+    made.accept(made.poll())
+    assert not made.shown_scan.preview and made.scene.count == 40_000
+    assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+
+
 @pytest.mark.parametrize("done", ["nothing", "moved", "clicked", "set off"])
 def test_who_has_not_moved_or_clicked_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_one(done):
     made, clock = session()
