@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from ...data.stations import load_scene
 from ..own_methods import own_methods, own_networks
 from ..room_scores import OpenedRoom, opened_room
@@ -81,5 +83,6 @@ def evaluate_shared(rooms: SharedRooms, share: Share, worst: Worst | None) -> li
                 worst.take(found)
         for scores in views:
             absent = absent | scores.absent
-        results.append({**facts, "absent": absent, "rows": view_rows(views), "flicker": moving})
+        threads = torch.get_num_threads()  # of this process, which measures the durations
+        results.append({**facts, "threads": threads, "absent": absent, "rows": view_rows(views), "flicker": moving})
     return results
