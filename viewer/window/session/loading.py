@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from .recovery import Recoverable
 
 
-_FINER = (100_000, 400_000, 1_600_000)
-"""Points of the pictures of a scan at an address, one after another while the rest is read.  The first has a quarter of those
-of a file's preview (viewer.grid.preview), since a slow line is waited for."""
+_FINER = (200_000, 800_000, 3_200_000)
+"""Points of the pictures of a scan at an address, one after another while the rest is read, at most.  Whole levels of an octree
+are shown, of which each has about four times the points of the one above: the first picture has 50,000 to 200,000 points, in
+place of the 400,000 of a file's preview (viewer.grid.preview), since a slow line is waited for."""
 _FINER_SECONDS = (0.8, 0.8, 3.0)
-"""Seconds for reading each of them on this machine: 1.6 million points of a LAZ file take about one."""
+"""Seconds for reading each of them on this machine: two million points of a LAZ file take about one."""
 _PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
