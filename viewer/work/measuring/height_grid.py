@@ -93,7 +93,7 @@ def volume_in_box(in_box: InBox, box: Box, spacing: float, up: np.ndarray, round
         kept = ~(below & inner[cells])
         places, above = places[kept], np.where(below, 0.0, above)[kept]
         found = _volume_above(seen, base, rounding / np.sqrt(12.0), places, above, spacing, steps)
-    net = replace(found, fill=0.0, fill_uncertainty=0.0, uncertainty=found.cut_uncertainty)
+    net = replace(found, fill=0.0, fill_uncertainty=0.0, uncertainty=found.cut_uncertainty, in_box=True)
     return net, corners
 
 

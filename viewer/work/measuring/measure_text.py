@@ -88,7 +88,7 @@ def volume_text(measurement: Measurement, unit: str) -> str:
     tilt = math.degrees(math.atan(math.hypot(*volume.slope)))
     lines = [f"cut (above) {above}", f"fill (below) {below}",
              f"base at height {base_height(measurement):.3f} {unit}, {f'{tilt:.1f}° inclined' if tilt > 0.05 else 'level'}"]
-    if volume.fill == volume.fill_uncertainty == 0.0:  # of a clip box, which nothing can be missing below
+    if volume.in_box:
         lines = [f"in the box {above}", lines[2]]
     if volume.dates:
         before, after = map(printable, volume.dates)

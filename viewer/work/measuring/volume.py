@@ -22,6 +22,7 @@ class Volume:
     empty: share of the area without points, which was interpolated.  layered: share in which points lie on two surfaces.
     count: of points.  dates: names of the files before and after, where it lies between their surfaces: cut is what the surface
     after lacks, fill what it has more; () where it is above and below a base.
+    in_box: whether it is what a box holds above its lowest face; fill is 0 then.
 
     Raises InputError where a value is no finite number, or below 0.
     """
@@ -39,6 +40,7 @@ class Volume:
     layered: float
     count: int
     dates: tuple[str, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+    in_box: bool = field(default=False, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         sizes = (self.cut, self.fill, self.uncertainty, self.cut_uncertainty, self.fill_uncertainty, self.area, self.cell,
