@@ -16,6 +16,7 @@ from ...preprocess.scan_description import ScanWarning, WarningTopic
 from ...work.cameras.camera_files import KNOWN_CAMERAS
 from ..neural_setup import check_weights
 from ..options import memory_of
+from ..photo_option import give_photographs, photographs_of_folder
 from ..workers_option import add_workers, workers_of
 from .place_choice import PLANNED, parse_places
 
@@ -63,15 +64,17 @@ def _warn(text: str) -> None:
 
 
 @contextmanager
-def _opened_renderer(options: argparse.Namespace) -> "Iterator[tuple[Scene, Document, Renderer, Composer]]":
+def _opened_renderer(options: argparse.Namespace, settings: Settings) -> "Iterator[tuple[Scene, Document, Renderer, Composer]]":
     from ...render.described_picture import Composer
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
     from ..open_project import opened
 
+    photographs = photographs_of_folder(settings)
     context = create_context()
     scene, document = opened(options, meshes=True)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
+    give_photographs(renderer, settings, photographs)
     try:
         yield scene, document, renderer, composer
     finally:
@@ -94,7 +97,7 @@ class _Places:
         from .publication import Publication
 
         check_weights(self.settings)
-        with _opened_renderer(self.options) as (scene, document, renderer, composer):
+        with _opened_renderer(self.options, self.settings) as (scene, document, renderer, composer):
             made = Publication(scene, document, self.settings, self.places, self.options.out, "", self.form)
             yield lambda number: made.write_place(number, renderer, composer)
 
@@ -118,7 +121,7 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
         return Publication(scene, document, settings, places, options.out, title, form, project)
 
     if workers is None:
-        with _opened_renderer(options) as (scene, document, renderer, composer):
+        with _opened_renderer(options, settings) as (scene, document, renderer, composer):
             made = publication(scene, document)
             rendered, size = made.write(renderer, composer, _warn)
     else:

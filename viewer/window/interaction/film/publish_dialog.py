@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ....commands.photo_option import use_photographs
 from ....commands.publishing.place_choice import PLANNED
 from ....commands.publishing.publication import Form, Publication, check_folder
 from ....common.errors import PointglassError
@@ -188,6 +189,7 @@ def written(job: Publication) -> str:
     try:
         renderer, composer = Renderer(context, prepared(job.scene, job.document.ghosts)), Composer(context)
         try:
+            use_photographs(renderer, job.settings)
             _, size = job.write(renderer, composer, problems.append)
         finally:
             composer.release()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....commands.photo_option import use_photographs
 from ....commands.publishing.cube_faces import face_cameras
 from ....commands.publishing.face_margins import with_margin
 from ....commands.publishing.places import Place, chosen_places
@@ -87,6 +88,7 @@ def _seconds(scene: "Scene", document: "Document", settings: "Settings", place: 
     try:
         renderer = Renderer(context, prepared(scene, document.ghosts))
         try:
+            use_photographs(renderer, settings)
             start = perf_counter()
             for camera in face_cameras(place.position, _TRIED, document.up)[:2]:
                 start = perf_counter()
