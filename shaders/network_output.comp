@@ -15,8 +15,10 @@ layout(rgba8, binding = 0) uniform writeonly image2D neural;
 uniform sampler2D filled;
 #endif
 #ifdef PHOTOGRAPHS
-#include "common_spacing.glsl"
+#include "common_blocks.glsl"
 uniform sampler2D photographs;  // their colours and share
+uniform sampler2D grid;         // of photo_spacing.comp
+uniform sampler2D block_apart;  // of photo_apart.comp
 #endif
 #ifdef COUNTED
 layout(r8, binding = 1) uniform writeonly image2D counted;
@@ -42,9 +44,12 @@ void main() {
         for (int k = 0; k < 9; ++k)
             share += texelFetch(photographs, clamp(at + ivec2(k % 3, k / 3) - 1, ivec2(0), extent - 1), 0).a / 9.0;
     vec3 apart = abs(photo.rgb - rgba.rgb);
-    float sparse = clamp((spacing_at(at) - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
+    float sparse = clamp((between_blocks(grid, at).x - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
     float agree = clamp((APART_TO - 255.0 * max(apart.r, max(apart.g, apart.b))) / (APART_TO - APART_FROM), 0.0, 1.0);
     float counts = share * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
+    vec4 around = between_blocks(block_apart, at);
+    float contradicted = 255.0 * max(abs(around.r), max(abs(around.g), abs(around.b))) / max(around.a, 1e-6);
+    counts *= clamp((CONTRADICTED_TO - contradicted) / (CONTRADICTED_TO - CONTRADICTED_FROM), 0.0, 1.0);
     rgba.rgb = mix(rgba.rgb, photo.rgb, counts);
 #endif
 #ifdef COUNTED

@@ -4,9 +4,10 @@
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 #include "common_photographs.glsl"
-#include "common_spacing.glsl"
+#include "common_blocks.glsl"
 uniform sampler2D depth;    // view-space z of the filled picture, 0 where it is not opaque
 uniform sampler2D certain;  // of photo_surface.comp
+uniform sampler2D grid;     // of photo_spacing.comp
 uniform vec4 lens;          // fx, fy, cx, cy in pixels
 uniform int photographs;    // records
 layout(rgba8, binding = 0) uniform image2D filled;
@@ -98,7 +99,7 @@ void main() {
     barrier();
     float z = inside ? texelFetch(depth, at, 0).x : 0.0, sure = 0.0, spacing = 1.0;
     if (z > 0.0) {
-        spacing = spacing_at(at);
+        spacing = between_blocks(grid, at).x;
         sure = certainty(at, size) * clamp((SPARSE_TO - spacing) / (SPARSE_TO - SPARSE_FROM), 0.0, 1.0);
     }
     if (sure > 0.0) {

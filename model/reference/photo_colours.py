@@ -56,6 +56,11 @@ DENSE = (1.0, 2.0)
 APART = (40.0, 80.0)
 """Largest difference of a channel, sRGB levels, from which on photographs are given up against the network among dense points:
 a reflection, or a surface that they hit a pixel beside.  They are gone at the second."""
+CONTRADICTED = (20.0, 40.0)
+"""The same of means over a few blocks, however dense the points are: of detail that the points miss the mean is right, of a
+person whom only the photographs hold it is not.  Persons painted into the photographs, one point in ten: living-room-2 28.2 dB,
+SSIM .918 with this, 23.2, .885 without, 27.7, .892 without photographs; bathroom 19.9, .802; 17.3, .720; 19.8, .755.  Without
+persons, in five cases, up to 0.13 dB are lost, at highlights, and up to .001 of SSIM."""
 BLOCK = 8
 """Pixels along a side of the blocks in which measured pixels are counted."""
 MOST_LEVELS = 8
@@ -127,11 +132,36 @@ def over_network(network: np.ndarray, photo: np.ndarray, share: np.ndarray, spac
     height, width = share.shape
     padded = np.pad(share, 1, mode="edge")  # the border of a share is softened: ragged ones are seen
     soft = np.mean([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)], axis=0)
+    whole = _blocks(np.concatenate([(photo - network) * share[..., None], share[..., None]], axis=-1))
+    difference = between_blocks(whole, (height, width))
+    contradicted = np.abs(difference[..., :3]).max(-1) / np.maximum(difference[..., 3], 1e-6)
     sparse = np.clip((spacing - DENSE[0]) / (DENSE[1] - DENSE[0]), 0, 1)
     apart = np.abs(photo - network).max(-1)
     agree = np.clip((APART[1] - apart) / (APART[1] - APART[0]), 0, 1)
     counts = np.where(share > 0, soft, 0.0) * (OVER[0] + (OVER[1] - OVER[0]) * sparse) * (agree + (1 - agree) * sparse)
+    counts = counts * np.clip((CONTRADICTED[1] - contradicted) / (CONTRADICTED[1] - CONTRADICTED[0]), 0, 1)
     return network + (photo - network) * counts[..., None], counts
+
+
+def _blocks(picture: np.ndarray) -> np.ndarray:
+    """Sums over blocks of BLOCK x BLOCK pixels, (rows, columns, C), of a picture (H, W, C)."""
+    height, width, channels = picture.shape
+    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
+    padded = np.zeros((rows * BLOCK, columns * BLOCK, channels))
+    padded[:height, :width] = picture
+    return padded.reshape(rows, BLOCK, columns, BLOCK, channels).sum((1, 3))
+
+
+def between_blocks(grid: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Values of blocks, (rows, columns, C), at the pixels of a picture, (height, width, C): bilinear between the middles."""
+    (height, width), (rows, columns) = size, grid.shape[:2]
+    at_y, at_x = ((np.arange(n) + 0.5) / BLOCK - 0.5 for n in (height, width))
+    top, left = np.floor(at_y).astype(int), np.floor(at_x).astype(int)
+    t, s = (at_y - top)[:, None, None], (at_x - left)[None, :, None]
+    first, second = (np.clip(top + k, 0, rows - 1)[:, None] for k in (0, 1))
+    one, two = (np.clip(left + k, 0, columns - 1)[None] for k in (0, 1))
+    upper, lower = (grid[row, one] * (1 - s) + grid[row, two] * s for row in (first, second))
+    return upper * (1 - t) + lower * t
 
 
 def certainty(z: np.ndarray) -> np.ndarray:
@@ -155,20 +185,10 @@ def spacing_in_pixels(measured: np.ndarray) -> np.ndarray:
     bilinear."""
     height, width = measured.shape
     rows, columns = -(-height // BLOCK), -(-width // BLOCK)
-    padded = np.zeros((rows * BLOCK, columns * BLOCK))
-    padded[:height, :width] = measured
-    inside = np.zeros_like(padded)
-    inside[:height, :width] = 1
-    counts, pixels = (np.pad(a.reshape(rows, BLOCK, columns, BLOCK).sum((1, 3)), 1) for a in (padded, inside))
+    counts, pixels = np.moveaxis(np.pad(_blocks(np.stack([measured, np.ones_like(measured)], -1)), ((1, 1), (1, 1), (0, 0))),
+                                 -1, 0)
     counts, pixels = (sum(a[j : j + rows, i : i + columns] for j in range(3) for i in range(3)) for a in (counts, pixels))
-    grid = np.sqrt(pixels / np.maximum(counts, 1.0))
-    at_y, at_x = ((np.arange(n) + 0.5) / BLOCK - 0.5 for n in (height, width))
-    top, left = np.floor(at_y).astype(int), np.floor(at_x).astype(int)
-    t, s = (at_y - top)[:, None], (at_x - left)[None]
-    first, second = (np.clip(top + k, 0, rows - 1)[:, None] for k in (0, 1))
-    one, two = (np.clip(left + k, 0, columns - 1)[None] for k in (0, 1))
-    upper, lower = (grid[row, one] * (1 - s) + grid[row, two] * s for row in (first, second))
-    return upper * (1 - t) + lower * t
+    return between_blocks(np.sqrt(pixels / np.maximum(counts, 1.0))[..., None], (height, width))[..., 0]
 
 
 def _places(x, y, z, lens) -> np.ndarray:

@@ -87,6 +87,7 @@ def sources(context, monkeypatch) -> dict[str, str]:
     from pointglass.viewer.render.network.bridge import ReadBackBridge, works
     from pointglass.viewer.render.network.neural import unpacking
     from pointglass.viewer.render.passes.reprojection import Reprojection
+    from pointglass.viewer.render.photographs.kept_photographs import OverNetwork
     from pointglass.viewer.render.photographs.photo_shader import PhotoShader
     from pointglass.viewer.window.viewport.present import Canvas
 
@@ -106,6 +107,9 @@ def sources(context, monkeypatch) -> dict[str, str]:
     assert works(programs, bridge) and compute_works(context)
     canvas, moved = Canvas(context, programs, (8, 8)), Reprojection(programs, (8, 8))
     unpacking(programs, copied=True, bounded=False)
+    for copied in (True, False):
+        unpacking(programs, copied=copied, photographs=True)
+        OverNetwork(programs, (1, 1), copied=copied).release()
     photographs = PhotoShader(programs, (8, 8))
     photographs.colouring(False), photographs.colouring(True)
     meshes = MeshPass(programs, (8, 8), lambda path: None)

@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.network.bridge import ReadBackBridge
 from pointglass.viewer.render.network.neural import unpacking
+from pointglass.viewer.render.photographs.kept_photographs import OverNetwork
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_photo
 from pointglass.viewer.render.photographs.photo_shader import PhotoShader, ResidentPool
@@ -68,7 +70,9 @@ def test_photographs_come_over_the_networks_picture_as_the_reference_says(contex
     measured = rng.random((height, width)) < np.linspace(0.02, 1.2, width)  # from sparse to dense
     made = rng.uniform(0, 1, (height, width, 4)).astype(np.float16)
     made[..., 3] = 1
-    close = np.clip(255 * made[..., :3].astype(float) + rng.normal(0, 40, (height, width, 3)), 0, 255)
+    off = rng.normal(0, 40, (height, width, 3))
+    off[height // 2 :] += 45 * (np.arange(width) > 30)[:, None]  # a thing that only the photographs hold
+    close = np.clip(255 * made[..., :3].astype(float) + off, 0, 255)
     share = np.clip(rng.integers(-100, 400, (height, width)), 0, 255)
     share[:, :10] = 255
     photo = np.dstack([np.rint(close), share]).astype(np.uint8)
@@ -81,7 +85,8 @@ def test_photographs_come_over_the_networks_picture_as_the_reference_says(contex
                 context.texture((width, height), 4, photo.tobytes()),
                 context.texture(blocks.shape[::-1], 1, blocks.tobytes(), dtype="f4"),
                 context.texture((width, height), 4, bytes([255] * 4 * width * height))]
-    inputs = {"copied": bridge.output_texture(), "photographs": textures[2], "grid": textures[3]}
+    source, over = {"copied": bridge.output_texture()}, OverNetwork(programs, textures[3].size, copied=True)
+    inputs = source | over.inputs(SimpleNamespace(colours=textures[2], grid=textures[3]), source, {})
     try:
         step.run(*textures[: 2 if bounded else 1], inputs=inputs | ({"filled": textures[4]} if bounded else {}))
         shown = np.frombuffer(textures[0].read(), np.uint8).reshape(height, width, 4).astype(int)
@@ -93,5 +98,5 @@ def test_photographs_come_over_the_networks_picture_as_the_reference_says(contex
             told = np.frombuffer(textures[1].read(alignment=1), np.uint8).reshape(height, width)
             assert np.abs(told - 255 * counts).max() < 0.6
     finally:
-        for owned in (*textures, bridge, programs):
+        for owned in (*textures, over, bridge, programs):
             owned.release()

@@ -5,7 +5,7 @@ Two ways to run: :meth:`NeuralStage.infer` at once, for headless pictures; and :
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -21,7 +21,7 @@ from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
 from ..device.match_device import use_matching_device
-from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, PhotoColours, inputs_of
+from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, OverNetwork, PhotoColours
 from .background_capture import BackgroundRunner
 from .bridge import Network, ReadBackBridge
 from .choose_bridge import make_bridge
@@ -29,6 +29,8 @@ from .network_thread import NetworkThread
 
 if TYPE_CHECKING:
     import moderngl
+
+    from ..device.compute_pass import Storage
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
@@ -64,7 +66,7 @@ def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True, 
     """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer.  bounded: the filled
     picture's alpha is a bound.  photographs: their colours come over it, and if bounded, how far is written, too."""
     inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()),
-              *(("photographs", "grid") if photographs else ()))
+              *(("photographs", "grid", "block_apart") if photographs else ()))
     counted = photographs and bounded
     return Pass(programs, "network's picture", "network_output.comp", outputs=("neural", *(("counted",) if counted else ())),
                 inputs=inputs, buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
@@ -101,6 +103,7 @@ class NeuralStage:
         self._keeps = False
         self._counted: moderngl.Texture | None = None  # R8: how much of ``picture`` is from photographs
         self._counts = False
+        self._contradictions: OverNetwork | None = None
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
         try:
@@ -214,7 +217,9 @@ class NeuralStage:
             return False
         assert isinstance(self.bridge, ReadBackBridge)
         kept, inputs = self._kept if self._keeps else None, {"copied": self.bridge.output_texture()}
-        self._pass(bounded=False, photographs=kept is not None).run(target, inputs=inputs | inputs_of(kept))
+        if kept is not None:
+            inputs |= self._over(kept, inputs, {})
+        self._pass(bounded=False, photographs=kept is not None).run(target, inputs=inputs)
         return True
 
     def _take(self, serial: int) -> float | None:
@@ -243,17 +248,23 @@ class NeuralStage:
             self._passes[key] = unpacking(self._programs, copied=copied, bounded=bounded, photographs=photographs)
         return self._passes[key]
 
+    def _over(self, photographs: PhotoColours, source: "dict[str, moderngl.Texture]", buffers: "Mapping[str, Storage]"
+              ) -> "dict[str, moderngl.Texture]":
+        copied = isinstance(self.bridge, ReadBackBridge)
+        self._contradictions = self._contradictions or OverNetwork(self._programs, photographs.grid.size, copied=copied)
+        return self._contradictions.inputs(photographs, source, buffers)
+
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha, and over them the photographs."""
-        unpack, outputs, inputs = self._unpack, [self.picture], {"filled": filled} | inputs_of(self.photographs)
+        unpack, outputs, bridge = self._unpack, [self.picture], self.bridge
+        inputs: dict[str, moderngl.Texture] = {"copied": bridge.output_texture()} if isinstance(bridge, ReadBackBridge) else {}
+        buffers = {} if inputs else {"NETWORK": bridge.output}
         self._counts = self.photographs is not None
-        if self._counts:
+        if self.photographs is not None:
             self._counted = self._counted or self.context.texture(self.picture.size, 1, dtype="f1", alignment=1)
             unpack, outputs = self._pass(bounded=True, photographs=True), [*outputs, self._counted]
-        if isinstance(self.bridge, ReadBackBridge):
-            unpack.run(*outputs, inputs={**inputs, "copied": self.bridge.output_texture()})
-        else:
-            unpack.run(*outputs, inputs=inputs, buffers={"NETWORK": self.bridge.output})
+            inputs |= self._over(self.photographs, inputs, buffers)
+        unpack.run(*outputs, inputs={**inputs, "filled": filled}, buffers=buffers)
 
     @property
     def photo_share(self) -> "moderngl.Texture | None":
@@ -266,6 +277,6 @@ class NeuralStage:
         if self._runner is not None:
             with self._thread.lock:  # a run under way needs it to its end
                 self._runner.release()
-        for owned in (self.picture, self._counted, self._kept):
+        for owned in (self.picture, self._counted, self._kept, self._contradictions):
             if owned is not None:
                 owned.release()

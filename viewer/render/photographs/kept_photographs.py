@@ -4,16 +4,21 @@ shaders/network_output.comp lays them over it.  While a network goes on in fligh
 the same textures (photo_pass): a copy stays with the run.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ....model.reference import photo_colours as constants
+from ..device.compute_pass import Pass
 
 if TYPE_CHECKING:
     import moderngl
 
+    from ..device.compute_pass import Storage
+    from ..device.shader import Programs
+
 OVER_NETWORK: dict[str, Any] = {
     "BLOCK": constants.BLOCK,
-    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("OVER", "DENSE", "APART")
+    **{f"{name}_{end}": getattr(constants, name)[k] for name in ("OVER", "DENSE", "APART", "CONTRADICTED")
        for k, end in enumerate(("FROM", "TO"))},
 }  # fmt: skip
 """Constants of the shader."""
@@ -29,9 +34,24 @@ class PhotoColours(Protocol):
     def grid(self) -> "moderngl.Texture": ...
 
 
-def inputs_of(photographs: PhotoColours | None) -> "dict[str, moderngl.Texture]":
-    """The shader's inputs by its own names."""
-    return {} if photographs is None else {"photographs": photographs.colours, "grid": photographs.grid}
+class OverNetwork:
+    """Owns what a picture size needs to compare photographs with the network's picture.  copied: as of network_output.comp."""
+
+    def __init__(self, programs: "Programs", blocks: tuple[int, int], *, copied: bool):
+        self._apart = programs.context.texture(blocks, 4, dtype="f4")
+        self._pass = Pass(programs, "photographs and network", "photo_apart.comp", outputs=("apart",),
+                          inputs=("photographs", *(("copied",) if copied else ())), buffers=() if copied else ("NETWORK",),
+                          BLOCK=constants.BLOCK, COPIED=1 if copied else None)
+
+    def inputs(self, photographs: PhotoColours, source: "dict[str, moderngl.Texture]", buffers: "Mapping[str, Storage]"
+               ) -> "dict[str, moderngl.Texture]":
+        """Inputs of network_output.comp for these photographs.  source, buffers: where it finds the network's output."""
+        colours = {"photographs": photographs.colours}
+        self._pass.run(self._apart, inputs={**colours, **source}, buffers=buffers)
+        return {**colours, "grid": photographs.grid, "block_apart": self._apart}
+
+    def release(self) -> None:
+        self._apart.release()
 
 
 class KeptPhotographs:
