@@ -36,17 +36,19 @@ def check_three_pairs_and_icp_bring_a_scan_to_its_place_and_undo_puts_it_back(p:
     p.click(f"{icons.ALIGN}##align")
     d.until(lambda: d.app.toolbox.active is tool and tool.parts(d.app.tools))
     assert tool.moving == 1
-    left, top, width, height = (*session.area.origin, *session.area.size)
 
     def click(mark: np.ndarray, number: int) -> None:
-        """Flies to where a place of a scan is in the middle of the picture, and clicks it."""
-        eye, there = (moved_points(inverse(truth), np.stack(ends)) if number else np.stack(ends)
-                      for ends in ((PLACES[0], PLACES[0]), (mark, mark)))
-        session.flight.state = view_along(eye[0], there[0] - eye[0], 1.0)
+        """Flies to where a place of a scan is in the middle of the picture, and clicks the measured point nearest to it."""
+        ends = np.stack([PLACES[0], mark, clouds[number][np.linalg.norm(clouds[number] - mark, axis=1).argmin()]])
+        eye, there, point = moved_points(inverse(truth), ends) if number else ends
+        session.flight.state = view_along(eye, there - eye, 1.0)
         d.rest()
-        xdo("mousemove", round(left + width / 2) + 6 * number, round(top + height / 2))  # two places: no double click
+        pixel = session.camera.project([point])[0][0]
+        xdo("mousemove", *(round(float(at)) for at in pixel + session.area.origin))
         d.rest()
+        d.until(lambda: session.point is not None)
         before = tool.pairs.count, tool.pairs.begun is not None
+        d.app.input._last_click = (-1.0, "", (0.0, 0.0))  # on a fast machine the second click of a pair would make a double click
         xdo("click", 1)
         d.until(lambda: (tool.pairs.count, tool.pairs.begun is not None) != before)
 
