@@ -48,7 +48,7 @@ def check_three_pairs_and_icp_bring_a_scan_to_its_place_and_undo_puts_it_back(p:
         d.rest()
         d.until(lambda: session.point is not None)
         before = tool.pairs.count, tool.pairs.begun is not None
-        d.app.input._last_click = (-1.0, "", (0.0, 0.0))  # on a fast machine the second click of a pair would make a double click
+        d.app.input._last_click = (-1.0, "", (0.0, 0.0))  # the clicks of a pair are no double click
         xdo("click", 1)
         d.until(lambda: (tool.pairs.count, tool.pairs.begun is not None) != before)
 
