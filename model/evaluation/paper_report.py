@@ -15,7 +15,6 @@ PUBLISHED = (
 """Rows of the paper: method, width, height, PSNR, LPIPS as published, SSIM, frames/s on an RTX 4090; 55 scenes of ScanNet++ v2,
 all points."""
 NOTE = "published rows: RTX 4090, 55 scenes of ScanNet++ v2, which may differ from the places above"
-CSV_SUFFIXES, LATEX_SUFFIXES = (".csv",), (".tex",)
 _FIGURES = ("psnr", "ssim", "lpips_published", "lpips", "squeeze", "known")
 _SPECIAL = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
             "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}

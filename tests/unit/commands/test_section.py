@@ -10,7 +10,7 @@ from pointglass.viewer.commands.section import splat_kernels
 from pointglass.viewer.commands.section.command import parse_scale
 from pointglass.viewer.commands.section.cut import along_line, elevation, plan
 from pointglass.viewer.commands.section.orthographic import CLOSES, CellSpacings, draw
-from pointglass.viewer.commands.section.sheet import INCH, borders, round_length, sheet, write_sheet
+from pointglass.viewer.commands.section.sheet import INCH, borders, round_length, sheet, write_figures
 from pointglass.viewer.commands.section.sheet_request import paper_of
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import scene_from_arrays
@@ -32,6 +32,13 @@ def room(seed=1, points=60_000, *, metre=1.0, offset=(0.0, 0.0, 0.0), known=True
     xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, SIZE[wall % 3])
     meta = ScanDescription(metres_per_unit=1.0 / metre if known else None)
     return scene_from_arrays(xyz * metre + np.array(offset), rng.integers(60, 255, (points, 3), np.uint8), meta=meta)
+
+
+def write_sheet(out, drawing, paper, scene) -> tuple[float, float]:
+    """Width and height in millimetres."""
+    figure = sheet(drawing, paper, scene, "room")
+    write_figures(out, [(figure, paper.dpi)])
+    return tuple(figure.get_size_inches() * INCH * 1000)
 
 
 CUTS = {
@@ -88,7 +95,7 @@ def test_the_walls_of_a_room_lie_to_scale_on_the_png(tmp_path, seed):
     paper = paper_of(scene, scale, dpi)
     drawing = draw(Selection(scene), plan(1.5, 0.5), paper.pixel)
     out = tmp_path / "plan.png"
-    width, height = write_sheet(out, drawing, paper, scene, "room")
+    width, height = write_sheet(out, drawing, paper, scene)
     image = np.asarray(Image.open(out).convert("RGB"))
     assert Image.open(out).info["dpi"] == pytest.approx((dpi, dpi), abs=0.02)
     assert np.array(image.shape[1::-1]) / dpi * INCH * 1000 == pytest.approx((width, height))
@@ -111,7 +118,7 @@ def test_a_pdf_page_is_as_large_as_the_scale_says_and_repeats_to_the_byte(tmp_pa
     drawing = draw(Selection(scene), along_line((0, 3 * metre), (8 * metre, 3 * metre), 0.5 * metre), paper.pixel)
     files = [tmp_path / "a.pdf", tmp_path / "b.pdf"]
     for file in files:
-        width, height = write_sheet(file, drawing, paper, scene, "room")
+        width, height = write_sheet(file, drawing, paper, scene)
     data = files[0].read_bytes()
     assert data == files[1].read_bytes()
     box = [float(value) for value in data.split(b"/MediaBox [")[1].split(b"]")[0].split()]

@@ -21,8 +21,6 @@ NAME = "distances.png"
 _SIZE, _DPI = (16.0, 10.0), 120
 """Inches, and pixels an inch: 1920 x 1200."""
 _INK, _QUIET = "#16191d", "#6a7078"
-_RESERVE = 0.01
-"""Share of an axis that is left free."""
 _METHODS = {METHOD: "Each point to the nearest triangle of the model",
             "m3c2": "M3C2: means of both scans in a cylinder along the local normal",
             "c2c": "cloud to cloud: each point to the local plane of the scan before"}  # fmt: skip

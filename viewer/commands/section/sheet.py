@@ -74,15 +74,6 @@ def round_length(least: float) -> float:
     return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= least * (1 - 1e-12)))
 
 
-def write_sheet(out: Path, drawing: "Drawing", paper: Paper, scene: "Scene", title: str) -> tuple[float, float]:
-    """Writes the sheet; returns its width and height in millimetres.  Raises InputError; then nothing is left behind."""
-    check_out(out)
-    figure = sheet(drawing, paper, scene, title)
-    write_figures(out, [(figure, paper.dpi)])
-    width, height = figure.get_size_inches() * INCH * 1000
-    return float(width), float(height)
-
-
 def write_figures(out: Path, figures: Sequence[tuple["Figure", int]]) -> None:
     """Writes sheets with their pixels an inch: a PNG of one, or a PDF with a page for each.  Raises InputError; then nothing is
     left behind."""

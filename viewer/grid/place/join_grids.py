@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
-from ...common.text import counted
 from ...preprocess.scan_table import MOST_NUMBERS
 from ..density_layers import PARTS
 from ..scene import Scene
@@ -106,8 +105,3 @@ def _spacing(scenes: Sequence[Scene]) -> float:
     order = np.argsort(spacing)
     total = np.cumsum(count[order])
     return float(spacing[order][np.searchsorted(total, total[-1] / 2)])
-
-
-def grids_text(scene: Scene) -> str | None:
-    """"300 grids", where a scene is joined from several; else None."""
-    return counted(scene.points.table.grids, "grid") if isinstance(scene.points, JoinedPoints) else None

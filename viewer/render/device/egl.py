@@ -96,11 +96,6 @@ def current_cuda_number() -> int:
     return torch.cuda.current_device() if torch is not None and torch.cuda.is_initialized() else 0
 
 
-def matching_device(devices: Devices | None = None) -> int | None:
-    """Index of the EGL device that is torch's CUDA device, or None: no such device, or GLCONTEXT_DEVICE_INDEX decides."""
-    return None if os.environ.get("GLCONTEXT_DEVICE_INDEX") else _matching(cuda_numbers(devices))
-
-
 def device_order(devices: Devices | None = None) -> list[int | None]:
     """Indices of EGL's devices in the order to try them: torch's CUDA device, then the others as EGL has them.
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ..device.compute_pass import Storage
     from ..device.shader import Programs
 
-INPUT_BYTES = 16  # a pixel
 _CONSTANTS: dict[str, Any] = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
 _BACKGROUND: dict[str, Any] = {
     "BACKGROUND": 1, "EMPTY_FEATURE": EMPTY_FEATURE, "NEARER_SCALE": NEARER_SCALE, "NEARER_START": NEARER_START,

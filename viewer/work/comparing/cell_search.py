@@ -8,8 +8,6 @@ import math
 
 from ....model.common.jit import compiled
 
-BLOCK_BITS = 3
-"""Bits of a cell's place in its block, along an axis."""
 AXIS_BITS = 21
 """Bits of a cell's number along an axis: three of them fill the 63 bits of a positive key."""
 _FREE = -1

@@ -18,8 +18,6 @@ from .sheet_preview import preview_dpi
 SCALES = (5, 10, 20, 50, 100, 200, 500, 1000)
 FORMATS = {"PDF sheet": (".pdf",), "PNG sheet": (".png",), "DXF drawing of traced lines": (".dxf",)}
 _AS_DRAWN = "as large as the drawing"
-_INCH = 25.4
-"""Millimetres."""
 
 
 class SheetChoices:
