@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -10,7 +12,7 @@ import numpy.typing as npt
 
 from ..common.errors import InputError
 from ..preprocess.scan_description import NO_DESCRIPTION, ScanDescription
-from .arguments import python_names
+from .arguments import path_of, python_names
 
 if TYPE_CHECKING:
     from ..work.comparing.compare import Distances
@@ -18,18 +20,21 @@ if TYPE_CHECKING:
 
 
 def compare(
-    before: Scan | npt.ArrayLike,
+    before: Scan | npt.ArrayLike | str | PathLike[str],
     after: Scan | npt.ArrayLike,
     *,
-    method: Literal["m3c2", "c2c"] = "m3c2",
+    method: Literal["m3c2", "c2c"] | None = None,
     registration: float = 0.0,
 ) -> Distances:
     """How far the points of ``after`` lie from the surfaces of ``before``, and how uncertain each distance is.
 
-    before, after: open scans, or (N, 3) and (M, 3) coordinates; both in one frame and unit.
-    method: "m3c2", the difference between the means of both scans in a cylinder along the local normal (Lague, Brodu and Leroux
-        2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c", each point to the
-        local plane of ``before``: every point has its own distance, with its noise.
+    before, after: open scans, or (N, 3) and (M, 3) coordinates; both in one frame and unit.  before may be the path of a mesh
+        (glTF, OBJ, STL, IFC, PLY with faces), as ``pointglass compare`` takes it: each point's distance from its nearest
+        triangle, positive outside.  It stands where it was added to ``after`` (``Scan.add_mesh``), else as its file says.
+    method: "m3c2" (the usual), the difference between the means of both scans in a cylinder along the local normal (Lague,
+        Brodu and Leroux 2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c", each
+        point to the
+        local plane of ``before``: every point has its own distance, with its noise.  None with a mesh.
     registration: uncertainty (95 %) of how both lie to each other, in their unit; it is added to that of each distance.
 
     Returns ``distance`` and ``uncertainty`` (half the 95 % interval), (M,) float64 in the unit of the coordinates, one for each
@@ -48,15 +53,18 @@ def compare(
     (0.002, 0.001)
     """
     from ..commands.comparing.read_cloud import check_together
-    from ..work.comparing.compare import METHODS, Distances
+    from ..readers.meshes.mesh_formats import is_mesh
+    from ..work.comparing.compare import METHODS
     from ..work.comparing.compare import compare as distances_of
     from ..work.comparing.facing import facing_of
 
     with python_names():
+        if isinstance(before, (str, PathLike)) and is_mesh(path_of(before)):
+            return _from_mesh(path_of(before), after, method, registration)
+        method = method or "m3c2"
         if method not in METHODS:
             raise InputError(f"expected one of {', '.join(METHODS)}", option="method", value=method)
-        if not (np.isfinite(registration) and registration >= 0):
-            raise InputError("expected a length, 0 or more", option="registration", value=registration)
+        _check_registration(registration)
         one, places, _, meta = cloud_of("before", before)
         other, own_places, station, other_meta = cloud_of("after", after)
         check_together(Path("before"), meta, Path("after"), other_meta)
@@ -67,11 +75,36 @@ def compare(
                              station=None if station is None else station[finite], registration=registration)
         whole = np.full((2, len(other)), np.nan)
         whole[:, finite] = found.distance, found.uncertainty
-        return Distances(whole[0], whole[1], found.method, found.sizes, found.before, found.after, found.cores,
-                         found.registration, found.rule)  # fmt: skip
+        return replace(found, distance=whole[0], uncertainty=whole[1])
 
 
-def cloud_of(name: str, given: Scan | npt.ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, ScanDescription]:
+def _check_registration(registration: float) -> None:
+    if not (np.isfinite(registration) and registration >= 0):
+        raise InputError("expected a length, 0 or more", option="registration", value=registration)
+
+
+def _from_mesh(path: Path, after: Scan | npt.ArrayLike, method: str | None, registration: float) -> Distances:
+    """Distances of the points of ``after`` from a mesh."""
+    from ..readers.meshes.mesh_store import mesh_of
+    from ..work.comparing.compared_model import distances_of
+    from ..work.meshes.laid_meshes import new_layer
+    from .open_scan import Scan
+
+    if method is not None:
+        raise InputError("a mesh has no points to average: leave it out", option="method", value=method)
+    _check_registration(registration)
+    xyz, _, _, meta = cloud_of("after", after)
+    laid = [layer for layer in after._meshes if Path(layer.path) == path.absolute()] if isinstance(after, Scan) else []
+    layer = laid[-1] if laid else new_layer(path, meta.metres_per_unit)
+    finite = np.isfinite(xyz).all(axis=1)
+    found = distances_of(layer, mesh_of(layer.path), xyz[finite], registration)
+    whole = np.full((2, len(xyz)), np.nan)
+    whole[:, finite] = found.distance, found.uncertainty
+    return replace(found, distance=whole[0], uncertainty=whole[1])
+
+
+def cloud_of(name: str, given: Scan | npt.ArrayLike | PathLike[str]
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, ScanDescription]:
     """Points, of ``before`` the finite ones; places of stations; the station of each point; what is known of the scan."""
     from .open_scan import Scan
 
@@ -79,7 +112,7 @@ def cloud_of(name: str, given: Scan | npt.ArrayLike) -> tuple[np.ndarray, np.nda
         points = given.points
         return points.xyz, given.stations, points.station if len(given.stations) else None, given._open.meta
     try:
-        xyz = np.asarray(given, np.float64)
+        xyz = np.asarray(given, np.float64)  # type: ignore[reportArgumentType]
     except (TypeError, ValueError):
         xyz = np.empty(0)
     if xyz.shape[1:] != (3,):

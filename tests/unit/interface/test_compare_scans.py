@@ -47,6 +47,27 @@ def test_points_that_are_not_finite_have_no_distance_and_registration_is_added(s
     np.testing.assert_allclose(more.uncertainty, found.uncertainty + 0.003)
 
 
+def test_a_mesh_gives_signed_distances_where_it_was_laid(seed, tmp_path):
+    import trimesh
+
+    random, lift = np.random.default_rng(seed), 0.004
+    xyz = random.uniform(-1, 1, (20_000, 3))
+    xyz[:, 2] = 1 + lift + random.normal(0, 0.001, len(xyz))  # above the upper side of a box
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.obj")
+    found = pointglass.compare(tmp_path / "box.obj", xyz)
+    assert np.median(found.distance) == pytest.approx(lift, abs=1e-4) and 0.001 < np.median(found.uncertainty) < 0.003
+    with pointglass.from_points(xyz, np.zeros((len(xyz), 3), np.uint8)) as scan:
+        moved = np.eye(4)
+        moved[2, 3] = 0.01
+        scan.add_mesh(tmp_path / "box.obj", transform=moved)
+        again = pointglass.compare(str(tmp_path / "box.obj"), scan)
+        assert np.median(again.distance) == pytest.approx(lift - 0.01, abs=1e-4)
+    with pytest.raises(pointglass.InputError, match="method"):
+        pointglass.compare(tmp_path / "box.obj", xyz, method="c2c")
+    with pytest.raises(pointglass.InputError, match=r"none\.obj"):
+        pointglass.compare(tmp_path / "none.obj", xyz)
+
+
 @pytest.mark.parametrize(("given", "said"), [
     (lambda xyz: ((xyz[:, :2], xyz), {}), r"before: expected an open scan or \(N, 3\) coordinates"),
     (lambda xyz: (("house.e57", xyz), {}), "before: expected an open scan"),

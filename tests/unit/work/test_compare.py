@@ -8,6 +8,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.dates.date_comparison import COMPARE_METHODS
 from pointglass.viewer.work.comparing.cloud_scale import CloudScale, scale_of, sizes_for
 from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare
+from pointglass.viewer.work.comparing.distance_statistics import statistics_of
 from pointglass.viewer.work.comparing.facing import facing_of
 from pointglass.viewer.work.comparing.m3c2_kernels import m3c2_at, quantile95
 from pointglass.viewer.work.comparing.model_distances import METHOD
@@ -235,3 +236,11 @@ def test_m3c2_equals_py4dgeo(seed):
 
 def test_projects_know_the_methods_that_there_are():
     assert (*METHODS, METHOD) == COMPARE_METHODS
+
+
+def test_the_colours_end_beyond_a_change_of_a_few_points(seed):
+    """One point in a hundred moved by 40 times its uncertainty; of the others one in twenty changed by chance."""
+    random = np.random.default_rng(seed)
+    distance = random.normal(0, 0.0005, 100_000)
+    distance[:1000] += 0.04
+    assert 0.04 < statistics_of(distance, np.full(len(distance), 0.001)).limit < 0.1

@@ -59,6 +59,11 @@ def from_layer(layer: MeshLayer, comparison: DateComparison, xyz: np.ndarray) ->
     if len(mesh.faces) != comparison.before[1]:
         raise InputError(f"the comparison with {layer.name} cannot be shown: it has {len(mesh.faces):,} triangles now, and had "
                          f"{comparison.before[1]:,}", remedy="compare them again")
+    return distances_of(layer, mesh, xyz, comparison.registration)
+
+
+def distances_of(layer: MeshLayer, mesh: MeshData, xyz: np.ndarray, registration: float) -> Distances:
+    """The same of a mesh that was read.  registration: as viewer.work.comparing.model_distances."""
     if len(xyz) < _FEWEST:
         raise InputError(f"the scan has {len(xyz):,} points, at least {_FEWEST} are compared")
-    return distances_from_model(placed_vertices(layer, mesh), mesh.faces, xyz, registration=comparison.registration)
+    return distances_from_model(placed_vertices(layer, mesh), mesh.faces, xyz, registration=registration)

@@ -15,6 +15,8 @@ _LARGEST_NOISE_SHARE = 3.0
 _CHANGE_SHARE = 2.0
 """The colours end at this many medians of the distances that are larger than their uncertainty: such a change has half the
 saturation."""
+_CERTAIN, _CERTAIN_SHARE = 2.0, (0.9, 1.1)
+"""Changes above so many uncertainties are no chance: the colours end at a tenth more than nine in ten of them at least."""
 _STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0)
 RAMP = np.array([(5, 48, 97), (33, 102, 172), (67, 147, 195), (146, 197, 222), (209, 229, 240), (240, 240, 238),
                  (253, 219, 199), (244, 165, 130), (214, 96, 77), (178, 24, 43), (103, 0, 31)], np.float64)  # fmt: skip
@@ -84,9 +86,12 @@ def colour_limit(distance: np.ndarray, uncertainty: np.ndarray) -> float:
     """Where the colours end: a round number above both limits of noise and of change.  (n,) known distances."""
     if not len(distance):
         return 1.0
-    changed = np.abs(distance[np.abs(distance) > uncertainty])
-    wanted = max(_LARGEST_NOISE_SHARE * float(np.median(uncertainty)),
-                 _CHANGE_SHARE * float(np.median(changed)) if len(changed) > 0.001 * len(distance) else 0.0)  # fmt: skip
+    size = np.abs(distance)
+    wanted = _LARGEST_NOISE_SHARE * float(np.median(uncertainty))
+    if len(changed := size[size > uncertainty]) > (least := 0.001 * len(distance)):
+        wanted = max(wanted, _CHANGE_SHARE * float(np.median(changed)))
+    if len(certain := size[size > _CERTAIN * uncertainty]) > least:
+        wanted = max(wanted, _CERTAIN_SHARE[1] * float(np.quantile(certain, _CERTAIN_SHARE[0])))
     if not wanted > 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(wanted))
