@@ -32,9 +32,8 @@ def compare(
         (glTF, OBJ, STL, IFC, PLY with faces), as ``pointglass compare`` takes it: each point's distance from its nearest
         triangle, positive outside.  It stands where it was added to ``after`` (``Scan.add_mesh``), else as its file says.
     method: "m3c2" (the usual), the difference between the means of both scans in a cylinder along the local normal (Lague,
-        Brodu and Leroux 2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c", each
-        point to the
-        local plane of ``before``: every point has its own distance, with its noise.  None with a mesh.
+        Brodu and Leroux 2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c",
+        each point to the local plane of ``before``: every point has its own distance, with its noise.  None with a mesh.
     registration: uncertainty (95 %) of how both lie to each other, in their unit; it is added to that of each distance.
 
     Returns ``distance`` and ``uncertainty`` (half the 95 % interval), (M,) float64 in the unit of the coordinates, one for each
