@@ -193,8 +193,9 @@ class Monkey:
         elif kind == "keyframe":
             film = next(tool for tool in self.d.app.toolbox.tools if tool.name == "film")
             film.path.add_keyframe(context)
-            film.path.select(context, int(self.rng.integers(len(context.document.path.keyframes))))
-            film.path.change_lens(context, float(self.rng.uniform(20, 110)))
+            if keyframes := context.document.path.keyframes:  # an orthographic view makes none
+                film.path.select(context, int(self.rng.integers(len(keyframes))))
+                film.path.change_lens(context, float(self.rng.uniform(20, 110)))
         elif kind == "preview":
             section = next(tool for tool in self.d.app.toolbox.tools if tool.name == "section")
             section.preview.shown = not section.preview.shown
