@@ -3,6 +3,7 @@ distances that are known.  Text of a project, and a page into which someone brou
 
 import dataclasses
 import json
+import shutil
 import threading
 from contextlib import contextmanager
 from functools import partial
@@ -156,11 +157,21 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
 
 
 @pytest.mark.parametrize(("browser", "distances"), [BROWSERS["chromium"]])
-def test_a_device_that_is_slow_draws_fewer_pixels_while_something_moves_and_all_at_rest(tmp_path, site, browser, distances):
+def test_a_slow_device_draws_fewer_pixels_in_motion_and_one_may_ask_again_for_data_that_were_not_there(
+        tmp_path, site, browser, distances):
+    copied, missing = shutil.copytree(site, tmp_path / "site"), tmp_path / "001.first.js"
+    (copied / "places" / missing.name).rename(missing)
     page = browser.Page(tmp_path / "profile")
     try:
-        page.open((site / "index.html").as_uri())
+        page.open((copied / "index.html").as_uri())
         page.until("document.body && document.body.classList.contains('ready')")
+        page.value("void window.pointglass.view.go(1)")
+        page.until("document.getElementById('message').textContent.startsWith('places/001.first.js cannot be loaded. ')")
+        assert page.value("window.pointglass.view.index") == 0
+        missing.rename(copied / "places" / missing.name)
+        page.value("void window.pointglass.view.go(1)")
+        page.until("window.pointglass.view.index === 1 && !window.pointglass.view.going")
+        page.value("window.pointglass.view.stillness(5000)")
         width = page.until("window.pointglass.panorama.canvas.width === innerWidth && innerWidth")
         page.value("(() => { const kind = WebGL2RenderingContext.prototype, draw = kind.drawElements;"
                    "kind.drawElements = function (...all) { const end = performance.now() + 60;"

@@ -17,8 +17,8 @@ async function placeFor(view: View, point: Vector): Promise<number> {
     .map(({ position }, index) => ({ index, way: minus(point, position) }))
     .sort((a, b) => length(a.way) - length(b.way));
   for (const { index, way } of nearest.slice(0, ASKED)) {
-    const distance = length(way), { depth } = await view.visits.get(index);
-    if (distance < 1e-6 || depth.distance(times(way, 1 / distance)) >= SEEN * distance) return index;
+    const distance = length(way), place = await view.visits.get(index).catch(() => null); // one that cannot be loaded sees nothing
+    if (place && (distance < 1e-6 || place.depth.distance(times(way, 1 / distance)) >= SEEN * distance)) return index;
   }
   return nearest[0].index;
 }

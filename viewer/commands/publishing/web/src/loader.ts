@@ -13,6 +13,8 @@ const early = new Map<string, unknown>();
   else early.set(key, value);
 };
 
+export class LoadError extends Error {}
+
 function load<T>(key: string, address: string): Promise<T> {
   if (early.has(key)) {
     const value = early.get(key) as T;
@@ -26,7 +28,7 @@ function load<T>(key: string, address: string): Promise<T> {
     element.onerror = () => {
       waiting.delete(key);
       element.remove();
-      reject(new Error(`${address} cannot be loaded`));
+      reject(new LoadError(`${address} cannot be loaded`));
     };
     element.src = address;
     document.head.append(element);

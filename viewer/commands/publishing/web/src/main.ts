@@ -57,6 +57,7 @@ async function start(): Promise<void> {
     return;
   }
   const view = new View(scene, panorama, visits);
+  view.failed = ({ message }) => say(`${message}. Is the folder complete, and the network there?`);
   const panel: { current?: Panel } = {};
   const measuring = new Measuring(view, say, () => {
     toggle("measure", measuring.on);
@@ -107,7 +108,7 @@ function later(view: View, measuring: Measuring): void {
     .map(({ position }, index) => ({ index, away: length(minus(position, view.eye)) * (view.sees(position) ? 1 : 3) }))
     .filter(({ index }) => index !== place.index)
     .sort((a, b) => a.away - b.away); // to one that is not in sight few go next
-  window.setTimeout(async () => {
+  const load = async () => {
     if (view.place !== place) return;
     if (measuring.on) await view.visits.finest(place);
     if (view.tint) await view.visits.masks(place);
@@ -120,7 +121,8 @@ function later(view: View, measuring: Measuring): void {
       await view.stillness(WAITED);
       if (view.place === place && !view.going) await view.visits.prepare(index);
     }
-  }, 60);
+  };
+  window.setTimeout(() => void load().catch(() => undefined), 60); // what is missing is told when it is asked for
 }
 
 // On a phone the list covers what is gone to.
@@ -146,7 +148,7 @@ function tools(view: View, measuring: Measuring): void {
     const on = !view.tint;
     toggle("tint", on);
     if (on) say("Pink: filled in, nothing was measured there.");
-    if (on) await view.visits.masks(view.place);
+    if (on && !(await view.loaded(view.visits.masks(view.place)))) return toggle("tint", false);
     view.tint = on ? 1 : 0;
     view.redraw();
   });
@@ -197,8 +199,9 @@ function handle(view: View): void {
     }
     by("left").textContent = second!;
     by("right").textContent = view.scene.view;
-    await view.visits.other(view.place);
-    set(0.5);
+    if (await view.loaded(view.visits.other(view.place))) return set(0.5);
+    toggle("compare", false);
+    bar.hidden = true;
   });
   bar.addEventListener("pointerdown", (event) => bar.setPointerCapture(event.pointerId));
   bar.addEventListener("pointermove", (event) => {

@@ -35,7 +35,7 @@ export class Measuring {
     this.changed();
     if (!on) return;
     this.say("Click two measured places.");
-    await this.view.visits.finest(this.view.place);
+    await this.view.loaded(this.view.visits.finest(this.view.place));
   }
 
   // The measured point at a position in the window, CSS pixels; null where nothing was measured.
@@ -45,7 +45,7 @@ export class Measuring {
   }
 
   async click(x: number, y: number): Promise<void> {
-    await this.view.visits.finest(this.view.place);
+    if (!(await this.view.loaded(this.view.visits.finest(this.view.place)))) return;
     const point = this.at(x, y);
     if (!point) {
       this.say(REFUSED);

@@ -1,6 +1,7 @@
 // Where one stands and looks, and how that is drawn: on demand, and step by step while something moves.
 
 import type { DepthMap } from "./depth";
+import { LoadError } from "./loader";
 import { Panorama } from "./panorama";
 import { direction, plus, times, type SceneData, type Vector } from "./scene";
 import type { LoadedPlace, Visits } from "./visit";
@@ -134,10 +135,28 @@ export class View {
       this.hopTime = performance.now() - asked;
       this.redraw();
       for (const tell of this.arrived) tell();
+    } catch (error) {
+      if (!this.ready || !(error instanceof LoadError)) throw error;
+      this.failed(error); // one stays where one is, and may ask again
     } finally {
       this.going = false;
     }
     void this.visits.trim(index);
+  }
+
+  // Is told of data that were asked for and cannot be loaded.
+  failed: (error: LoadError) => void = () => undefined;
+
+  // Whether such data came.
+  async loaded(part: Promise<void>): Promise<boolean> {
+    try {
+      await part;
+      return true;
+    } catch (error) {
+      if (!(error instanceof LoadError)) throw error;
+      this.failed(error);
+      return false;
+    }
   }
 
   private done: (() => void) | null = null;

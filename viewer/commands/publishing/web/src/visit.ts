@@ -18,6 +18,13 @@ export class LoadedPlace {
   constructor(readonly index: number) {}
 }
 
+// What `load` promises; where that fails, `again` lets the next one try.
+function retried(again: () => void, load: () => Promise<void>): Promise<void> {
+  const loaded = load();
+  loaded.catch(again);
+  return loaded;
+}
+
 export class Visits {
   private readonly loaded = new Map<number, Promise<LoadedPlace>>();
 
@@ -76,7 +83,7 @@ export class Visits {
   }
 
   full(place: LoadedPlace): Promise<void> {
-    return (place.whole ??= (async () => {
+    return (place.whole ??= retried(() => (place.whole = null), async () => {
       const data = await loadPart(place.index, "full");
       const images = await Promise.all(data.pictures!.map(picture));
       const before = place.textures.first;
@@ -85,17 +92,17 @@ export class Visits {
       place.textures.first = textures;
       this.changed(place);
       for (const texture of before) texture.dispose();
-    })());
+    }));
   }
 
   other(place: LoadedPlace): Promise<void> {
-    return (place.second ??= (async () => {
+    return (place.second ??= retried(() => (place.second = null), async () => {
       const data = await loadPart(place.index, "second");
       const textures = (await Promise.all(data.pictures!.map(picture))).map(textureOf);
       await this.upload(textures);
       place.textures.second = textures;
       this.changed(place);
-    })());
+    }));
   }
 
   // Where it was measured, as textures.
@@ -108,9 +115,9 @@ export class Visits {
 
   // The whole depth, to measure on.
   finest(place: LoadedPlace): Promise<void> {
-    return (place.exact ??= (async () => {
+    return (place.exact ??= retried(() => (place.exact = null), async () => {
       const data = await loadPart(place.index, "depth");
       place.depth = await DepthMap.decode(data.depth!, this.scene.places[place.index], this.scene.small, 1);
-    })());
+    }));
   }
 }
