@@ -22,7 +22,7 @@ from pointglass.viewer.common.rigid_transform import (
 from pointglass.viewer.work.registration.align_surfaces import Alignment, align_surfaces
 from pointglass.viewer.work.registration.icp_clouds import normals_of, voxel_means
 from pointglass.viewer.work.registration.levelling import by_numbers, levelled, plane_of, set_bearing
-from pointglass.viewer.work.registration.point_pairs import fit_pairs, leave_one_out
+from pointglass.viewer.work.registration.point_pairs import fit_pairs
 
 MAP = 3e6
 """Units: coordinates of maps."""
@@ -65,15 +65,6 @@ def test_exact_pairs_leave_no_residual(seed):
     found = fit_pairs(moving, moved_points(truth, moving))
     assert found.rms < 1e-8
     np.testing.assert_allclose(np.array(found.transform)[:3, :3], np.array(truth)[:3, :3], atol=1e-9)
-
-
-def test_a_wrong_pair_stands_out_when_it_is_left_out(seed):
-    random = np.random.default_rng(seed)
-    moving = random.uniform(-5, 5, (6, 3))
-    fixed = moved_points(random_motion(random), moving)
-    fixed[2] += 0.5 * random.normal(size=3)
-    others = leave_one_out(moving, fixed)
-    assert np.argmax(others) == 2
 
 
 @pytest.mark.parametrize(("moving", "fixed", "words"), [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...common.errors import InputError
-from ...common.rigid_transform import Rows, moved_points, rigid
+from ...common.rigid_transform import Rows, rigid
 
 LEAST = 3
 """Pairs that determine a rotation and a shift."""
@@ -71,17 +71,3 @@ def _rotation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(3, 3): the rotation that brings points (n, 3) about 0 nearest to others; never a mirror image."""
     u, _, v = np.linalg.svd(second.T @ first)
     return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
-
-
-def leave_one_out(moving: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """(n,): how far each pair is off by the transformation of the others, which shows a wrong one that bends the fit towards
-    itself.  NaN where the others do not determine one.  Shapes as fit_pairs."""
-    found = np.full(len(moving), np.nan)
-    for number in range(len(moving)):
-        others = np.arange(len(moving)) != number
-        try:
-            transform = fit_pairs(moving[others], fixed[others]).transform
-        except InputError:
-            continue
-        found[number] = float(np.linalg.norm(moved_points(transform, moving[number : number + 1])[0] - fixed[number]))
-    return found
