@@ -216,10 +216,10 @@ def test_every_kind_of_measurement_reaches_the_page_with_its_value_and_shape(see
             assert np.allclose(np.add(line["points"][-1], shift), drawn.points[-1], atol=1e-5)
 
 
-def test_only_views_without_holes_are_offered(capsys):
+def test_all_four_views_are_offered(capsys):
     with pytest.raises(SystemExit):
         main(["publish", "--help"])
-    assert "--view {filled,neural}" in " ".join(capsys.readouterr().out.split())
+    assert "--view {raw,filtered,filled,neural}" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_run(tmp_path, monkeypatch):
