@@ -63,6 +63,8 @@ class FolderCopy:
             raise ChangedFileError
         self._state["complete"] = True
         self._note()
+        for upper in self._home.glob("upper-*"):  # of the pictures before: see octree_parts.upper_octree
+            shutil.rmtree(upper, ignore_errors=True)
 
     def get(self, names: Sequence[str], label: str | None = None) -> None:
         """Reads the files that are not there.  names: paths relative to the folder.  label: of the progress; None: none.

@@ -1,0 +1,55 @@
+"""A scan at an address in a real window: shown before all of it is there, and opened again without the server."""
+
+import json
+import sys
+import threading
+
+import pytest
+from real_window import RealWindow, until, x_display
+from x_server import ROOT
+
+sys.path += [str(ROOT / "tests" / "unit"), str(ROOT / "tests" / "unit" / "readers")]  # makers of files, and the web server
+
+from format_files import some, write_potree1
+from range_server import served
+
+pytestmark = [pytest.mark.window, pytest.mark.timeout(300)]
+
+
+class Held(dict):
+    """Files of which one is held back until ``gate`` is open."""
+
+    def __init__(self, files: dict[str, bytes], held: str):
+        super().__init__(files)
+        self.held, self.gate = held, threading.Event()
+
+    def __getitem__(self, name: str) -> bytes:
+        assert name != self.held or self.gate.wait(200)
+        return super().__getitem__(name)
+
+
+def test_an_octree_at_an_address_is_shown_while_its_last_file_is_awaited_and_later_without_the_server(tmp_path):
+    folder = write_potree1(tmp_path / "made" / "house", some(260_000))  # the first picture: three levels
+    files = {f"{file.relative_to(folder.parent)}": file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    with x_display() as display:
+        with served(files) as server:
+            server.files = held = Held(files, max((name for name in files if name.endswith(".bin")), key=len))
+            address = f"{server.address}/house"
+            window = RealWindow(display, tmp_path, "view", address, "--view", "filled")
+            try:
+                window.wait_for_title("house")
+                state = json.loads(next((tmp_path / "cache" / "remote").glob("*/folder.json")).read_text())
+                assert not state["complete"] and not [*(tmp_path / "cache").glob("[!.]*/meta.json")], "a preview"
+            finally:
+                held.gate.set()
+            until(lambda: [*(tmp_path / "cache").glob("[!.]*/meta.json")], "all of it")
+            window.rest()
+            window.keys("ctrl+q")
+            assert window.ended() == 0
+        window = RealWindow(display, tmp_path, "view", address, "--view", "filled")
+        window.wait_for_title("house")
+        window.rest()
+        window.picture("offline")
+        window.keys("ctrl+q")
+        assert window.ended() == 0
+    assert "the copy read earlier is used" in (tmp_path / "window.log").read_text()
