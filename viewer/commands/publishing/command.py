@@ -49,7 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--second", choices=[*_SECOND, "none"],
                         help="a second view, shown beside the first by a handle (default: raw, none where the first is raw)")
     add_workers(parser, "places")
-    parser.add_argument("--title", default="", metavar="TEXT", help="of the page (default: the name of the scan or project)")
+    parser.add_argument("--title", default="", metavar="TEXT",
+                        help="of the page (default: the name of the scan or project; of several, of the first)")
 
 
 def second_view(view: str, asked: str | None = None) -> str | None:
@@ -117,8 +118,9 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     def publication(scene: "Scene", document: "Document") -> Publication:
         places = chosen_places(scene, document, wanted)
         project = options.scans[0] if is_project(options.scans[0]) else None
-        title = with_whole_characters(options.title or options.scans[0].resolve().stem)
-        return Publication(scene, document, settings, places, options.out, title, form, project)
+        more = len(options.scans) - 1
+        title = options.title or options.scans[0].resolve().stem + (f" and {more:,} more" if more else "")
+        return Publication(scene, document, settings, places, options.out, with_whole_characters(title), form, project)
 
     if workers is None:
         with _opened_renderer(options, settings) as (scene, document, renderer, composer):
