@@ -56,7 +56,7 @@ def frame_cost(*, total_ms=1.0, host=None, points_drawn=1, points_missing=0, hid
 
 def finish(made):
     while made.view_settings.network_load is not None:
-        made.view_settings.network_load.join(5.0)
+        made.view_settings.network_load.join(60.0)
         made.poll()
 
 

@@ -30,7 +30,7 @@ def held(file: Path) -> Document:
     return found.document
 
 
-def until(condition, seconds: float = 20.0):
+def until(condition, seconds: float = 90.0):
     end = time.monotonic() + seconds
     while not (found := condition()):
         assert time.monotonic() < end

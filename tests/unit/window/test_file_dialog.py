@@ -44,14 +44,14 @@ def made(folder, kind="open", **how):
 
 
 def wait(choice):
-    choice.listing.join(10.0)
-    end = time.monotonic() + 10
+    choice.listing.join(60.0)
+    end = time.monotonic() + 60
     choice.follow()
     while choice.waiting and time.monotonic() < end:
         time.sleep(0.002)
         choice.follow()
     assert not choice.waiting
-    choice.listing.join(10.0)
+    choice.listing.join(60.0)
 
 
 def names(choice):
@@ -90,7 +90,7 @@ def test_typing_searches_completes_and_enters_folders(folder):
     choice.type("dee")
     choice.complete()
     assert choice.text == "deeper/"
-    choice.listing.join(10.0)
+    choice.listing.join(60.0)
     assert names(choice) == ["inside.laz"]
     choice.move(1)
     choice.enter()
@@ -103,7 +103,7 @@ def test_typing_searches_completes_and_enters_folders(folder):
 def test_enter_chooses_the_only_file_that_a_search_has_left(folder, typed, chosen):
     choice = made(folder)
     choice.type(typed)
-    choice.listing.join(10.0)
+    choice.listing.join(60.0)
     choice.enter()
     wait(choice)
     assert choice.result == [folder / chosen] and choice.problem == ""
@@ -148,7 +148,7 @@ def test_what_cannot_be_opened_is_said_in_words(folder):
     wait(choice)
     assert choice.problem.endswith("gone.laz: it does not exist") and choice.result is None
     choice.type("/no such folder/a")
-    choice.listing.join(10.0)
+    choice.listing.join(60.0)
     assert choice.listing.problem == "/no such folder: it does not exist"
     choice.type("deeper")
     choice.enter()
@@ -346,6 +346,6 @@ def test_a_folder_that_does_not_answer_stops_nothing(folder, monkeypatch):
     choice = FileChoice(Request("test", "Test", "open", print), [folder])
     assert choice.rows == [] and not choice.listing.finished
     choice.type(f"{folder}/deeper/")
-    choice.listing.join(10.0)
+    choice.listing.join(60.0)
     assert names(choice) == ["inside.laz"]
     answers.set()

@@ -46,7 +46,7 @@ def test_a_still_session_needs_one_picture():
 
 def test_neural_waits_for_its_network_and_shows_what_was_asked():
     gate = threading.Event()
-    made, _ = session(loader=lambda settings: gate.wait(5) and None)
+    made, _ = session(loader=lambda settings: gate.wait(60) and None)
     made.view_settings.show("neural")
     assert made.view_settings.settings.view == "filled" and made.view_settings.shown_settings.view == "neural"
     gate.set()
@@ -98,7 +98,7 @@ def gated():
     gate = threading.Event()
 
     def load(settings):
-        gate.wait(5)
+        gate.wait(60)
         if settings.quality == "paper":
             raise InputError("no weights are shipped for quality 'paper'")
 
@@ -246,9 +246,9 @@ def test_a_cancelled_load_leaves_the_scene():
     scene, made.loads.open_scene = made.scene, endless
     made.loads.open([Path("x.laz")])
     work = made.loads.current
-    assert started.wait(5) and work is not None
+    assert started.wait(60) and work is not None
     made.escape()
-    assert made.loads.current is None and work.join(5) and made.poll() is None
+    assert made.loads.current is None and work.join(60) and made.poll() is None
     assert made.scene is scene and made.notices.message is None
 
 
