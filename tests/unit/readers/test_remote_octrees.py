@@ -59,7 +59,7 @@ def test_an_octree_at_an_address_is_the_octree(tmp_path, kind, capsys):
         server.sent = 0
         entry = next(name for start, name in ENTRY.items() if kind.startswith(start))
         assert np.array_equal(open_scene(f"{server.address}/a%20b/house/{entry}").points, here.points)
-        assert server.sent < 0.3 * sum(map(len, files.values())) + 4096, "compared only"
+        assert server.sent < 0.3 * sum(map(len, files.values())) + 8192, "compared only"
         assert main(["info", address]) == 0 and f"{server.address}/a%20b/house" in capsys.readouterr().out
     without = open_scene(address)
     assert without.count == here.count and "the copy read earlier is used" in without.meta.warning_texts[-1]
@@ -111,16 +111,16 @@ def test_what_came_before_kill_minus_9_is_not_read_again(tmp_path):
     with served(files) as server:
         server.delay = 0.1
         process = subprocess.Popen([sys.executable, "-c", FETCH, f"{server.address}/a%20b/house"])
-        while len(server.requests) < 25 and process.poll() is None:
+        while len([*home().glob("*/house/data/**/*.bin")]) < 8 and process.poll() is None:
             time.sleep(0.01)
         process.kill()
         process.wait()
-        before, server.delay = {name for name, _, last in server.requests if last > 1}, 0.0
+        server.delay = 0.0
         there = {str(file.relative_to(next(home().glob("*/house")))) for file in home().glob("*/house/data/**/*.bin")}
         server.requests.clear()
         fetched(address_in(f"{server.address}/a%20b/house"))
         again = {name.removeprefix("a b/house/") for name, _, _ in server.requests}
-        assert len(there) > 5 and len(before) > 5 and not there & again
+        assert len(there) >= 8 and not there & again
         assert {str(file.relative_to(tmp_path)) for file in (tmp_path / "house").rglob("*.bin")} == {
             str(file.relative_to(file.parents[[p.name for p in file.parents].index("house")].parent))
             for file in home().glob("*/house/data/**/*.bin")}
