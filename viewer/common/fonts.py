@@ -140,3 +140,20 @@ def runs(text: str, first: Sequence[Path] = ()) -> list[tuple[str, Path]]:
         else:
             found.append((letter, path))
     return found
+
+
+def families(text: str) -> list[str]:
+    """Names of fonts for Matplotlib, which takes each letter from the first that has it: the plain one, then those of the
+    machine that have what it lacks.  Their files are made known to Matplotlib."""
+    return ["DejaVu Sans", *dict.fromkeys(_family(path) for _, path in runs(text) if path != plain_font())]
+
+
+@cache
+def _family(path: Path) -> str:
+    import logging
+
+    from matplotlib.font_manager import FontProperties, fontManager
+
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # many have no bold letters, which a person may miss
+    fontManager.addfont(str(path))
+    return FontProperties(fname=str(path)).get_name()

@@ -61,6 +61,12 @@ def exact_text(value: float) -> str:
     return repr(float(value))
 
 
+def table_bytes(text: str) -> bytes:
+    """A CSV table in UTF-8, with a byte order mark where it has other letters than ASCII: without one spreadsheets take them for
+    Latin letters.  Halves of characters are escaped."""
+    return text.encode("utf-8" if text.isascii() else "utf-8-sig", errors="backslashreplace")
+
+
 def with_whole_characters(text: str) -> str:
     """A text, with halves of characters (unpaired surrogates, which JSON can hold) escaped: no text can be drawn or written
     that has one."""

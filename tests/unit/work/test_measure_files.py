@@ -94,6 +94,13 @@ def test_map_features_have_the_coordinates_of_the_file_and_name_its_system(tmp_p
     assert feature["geometry"]["coordinates"] == [list(point.position) for point in way.points]
 
 
+def test_a_table_has_a_byte_order_mark_where_it_has_other_letters_than_ascii(tmp_path, one_of_each):
+    for name, marked in (("plain", False), ("北", True)):
+        write_measurements(tmp_path / "m.csv", [replace(one_of_each["distance"], name=name)], FEET)
+        assert (tmp_path / "m.csv").read_bytes().startswith(b"\xef\xbb\xbf") == marked
+        assert f"\n{name},distance," in (tmp_path / "m.csv").read_text("utf-8-sig")
+
+
 @pytest.mark.parametrize("crs", [None, "mixed"])
 def test_without_a_known_system_none_is_claimed(tmp_path, one_of_each, crs):
     path = tmp_path / "m.json"

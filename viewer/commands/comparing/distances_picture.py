@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...common.fonts import families
 from ...common.progress import progress
 from ...common.text import counted
 from ...work.comparing.compare import Distances
@@ -103,7 +104,7 @@ def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, 
         return f"{100 * part / whole:.3g} %" if whole else "-"
 
     figure.text(0.045, 0.955, f"{after.name}  compared with  {before.name}", fontsize=15, color=_INK, weight="bold",
-                parse_math=False)  # fmt: skip
+                parse_math=False, fontfamily=families(after.name + before.name))  # fmt: skip
     figure.text(0.045, 0.93, _METHODS[distances.method], fontsize=10, color=_QUIET)
     beyond = int(found.bins[0] + found.bins[-1])
     rows = [

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ... import __version__
+from ...common.fonts import families
 from ...common.text import printable
-from ...work.pictures.drawn_over import letters
+from ...common.text_line import TextLine
 from ..section.sheet_text import POINTS, fitting, write
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ _LEADING = 1.45
 
 
 def line_width(text: str, size: float) -> float:
-    """Millimetres of a line of text.  size: of the font, points.  By the font's own widths, fast for long texts."""
-    return letters(_MEASURED).getlength(text) / _MEASURED * size / POINTS
+    """Millimetres of a line of text.  size: of the font, points.  By the fonts' own widths, fast for long texts."""
+    return TextLine(text, _MEASURED).width / _MEASURED * size / POINTS
 
 
 def wrapped(text: str, width: float, size: float) -> list[str]:
@@ -124,11 +125,11 @@ class Pages:
         ends = [*(begin for begin, _ in cells[1:]), WIDTH + 2.0 - (line_width(right, size) * _BOLDER + 4.0 if right else 0.0)]
         if right:
             self._page.text(PAGE[0] - MARGIN, base, printable(right), fontsize=size, color=_INK, parse_math=False, ha="right",
-                            fontweight="bold" if bold else "normal")
+                            fontfamily=families(right), fontweight="bold" if bold else "normal")
         for (begin, text), end in zip(cells, ends, strict=True):
             short, fits = fitting(text, end - begin - 2.0, size, bold)
             self._page.text(MARGIN + begin, base, short, fontsize=fits, color=_QUIET if quiet else _INK, parse_math=False,
-                            fontweight="bold" if bold else "normal")
+                            fontfamily=families(short), fontweight="bold" if bold else "normal")
         if mark is not None:
             from matplotlib.patches import Rectangle
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ...common.errors import InputError
 from ...common.files import png_bytes
 from ...common.progress import progress
-from ...common.text import counted
+from ...common.text import counted, table_bytes
 from ...work.measuring.measure_text import unit_name
 from ...work.notes.attached_picture import attached_bytes
 from ...work.notes.note_bcf import Topic, bcf_bytes
@@ -56,7 +56,7 @@ class ReportJob:
         ending, document = self.out.suffix.lower(), as_reported(self.document)
         notes, unit = document.annotations, unit_name(self.scene.meta.metres_per_unit)
         if ending in ENDINGS["CSV table"]:
-            write_whole(self.out, lambda beside: beside.write_bytes(csv_text(notes, unit).encode(errors="backslashreplace")))
+            write_whole(self.out, lambda beside: beside.write_bytes(table_bytes(csv_text(notes, unit))))
             return counted(len(notes), "note")
         document = self._with_shared_pictures(document)
         renderer = renderer_for(self.scene, document)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...common.fonts import families
 from ...common.text import counted, printable
 from ...picture.clip import Clip, active, contains, normals
 from ...picture.meshes.mesh_layer import MeshLayer, shown_meshes
@@ -126,3 +127,4 @@ def draw_models(page: Any, models: Sequence[ModelLines], width: float, *, placed
     legend.get_frame().set_linewidth(0.5)
     for text in legend.get_texts():
         text.set_parse_math(False)
+        text.set_fontfamily(families(text.get_text()))

@@ -15,6 +15,7 @@ import numpy as np
 from ....model.common.files.atomic_write import passes_through, write_atomic
 from ... import __version__
 from ...common.errors import InputError
+from ...common.fonts import families
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
@@ -186,7 +187,8 @@ def _title(figure: "Figure", drawing: "Drawing", paper: Paper, scene: "Scene", t
     caption = f"{KINDS[cut.kind].capitalize()} {cut.text}   ·   1:{paper.scale:g}"
     for y, text, size, weight in ((16.5, title, 10, "bold"), (11.5, caption, 7.5, "normal")):
         text, fits = fitting(text, room, size, weight == "bold")
-        figure.text(*at(10, y), text, fontsize=fits, fontweight=weight, color=_INK, parse_math=False)
+        figure.text(*at(10, y), text, fontsize=fits, fontweight=weight, color=_INK, parse_math=False,
+                    fontfamily=families(text))
     unit = unit_name(paper.metres) + (" (assumed: the file names no unit)" if paper.assumed else "")
     crs = scene.meta.crs
     frame = f"coordinates in {unit}" + (f", {short_reference(crs)}" if crs else "")

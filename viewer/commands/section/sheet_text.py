@@ -3,6 +3,7 @@
 from functools import lru_cache
 from typing import Any
 
+from ...common.fonts import families, needs_shape
 from ...common.text import printable
 
 POINTS = 72 / 25.4
@@ -17,10 +18,11 @@ def text_width(text: str, size: float, bold: bool = False) -> float:
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
-    if not text.strip():
+    if not any(map(needs_shape, text)):
         return 0.0
     plain = text.replace("$", "S")  # which begins a formula, and is as wide
-    path = TextPath((0, 0), plain, size=size, prop=FontProperties(weight="bold" if bold else "normal"), usetex=False)
+    font = FontProperties(family=families(text), weight="bold" if bold else "normal")
+    path = TextPath((0, 0), plain, size=size, prop=font, usetex=False)
     return float(path.get_extents().x1) / POINTS
 
 
@@ -47,4 +49,5 @@ def write(page: Any, x: float, y: float, text: str, size: float, *, width: float
           **looks: Any) -> None:  # fmt: skip
     """Puts a line of text on a matplotlib axes in millimetres.  size: of the font, points.  width: of its place, mm."""
     text, size = fitting(text, width, size, bold)
-    page.text(x, y, text, fontsize=size, fontweight="bold" if bold else "normal", parse_math=False, **looks)
+    page.text(x, y, text, fontsize=size, fontweight="bold" if bold else "normal", parse_math=False,
+              fontfamily=families(text), **looks)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ....model.common.files.atomic_write import write_atomic
 from ...common.errors import InputError
+from ...common.text import table_bytes
 
 if TYPE_CHECKING:
     from ...preprocess.scan_description import ScanDescription
@@ -33,7 +34,7 @@ def _writer(path: Path, measurements: "Sequence[Measurement]", facts: "ScanDescr
     if ending in ENDINGS["CSV table"]:
         from .measure_table import csv_text
 
-        return lambda beside: beside.write_bytes(csv_text(measurements, facts.metres_per_unit).encode(errors=_HALF))
+        return lambda beside: beside.write_bytes(table_bytes(csv_text(measurements, facts.metres_per_unit)))
     if ending in ENDINGS["DXF drawing"]:
         from .measure_dxf import write_dxf
 

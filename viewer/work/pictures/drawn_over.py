@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...common.text_line import TextLine
 from ...picture.drawn_lines import label_places
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ ACCENT, EDGE, TEXT, PLATE = (92, 196, 192, 255), (10, 12, 14, 200), (233, 235, 2
 _UNIT, _LEAST_UNIT = 1 / 720, 0.75
 """A design unit of the window, in which sizes below are given: a share of the picture's height, and pixels at least."""
 LETTERS, _GAP, _PAD = 15.0, 10.0, 5.0
+_CAPITALS, _TALL = 0.76, 0.97
+"""Heights above the baseline, and from the top to below it, of a size."""
 _FINE = 8e6
 """Pixels up to which shapes are drawn at twice the size, for smooth edges; above, a pixel's edge is not seen."""
 
@@ -50,15 +53,14 @@ def with_shapes(picture: np.ndarray, camera: "Camera", shapes: Callable[[Any, "C
 def _draw_labels(draw: Any, camera: "Camera", at: list[np.ndarray], texts: Sequence[str], unit: float) -> None:
     if not at:
         return
-    font, pad = letters(max(round(LETTERS * unit), 9)), _PAD * unit
-    boxes = [draw.textbbox((0, 0), text, font=font) for text in texts]
-    sizes = [(right - left + 2 * pad, bottom - top + 2 * pad) for left, top, right, bottom in boxes]
+    lines, pad = [TextLine(text, max(round(LETTERS * unit), 9)) for text in texts], _PAD * unit
+    sizes = [(line.width + 2 * pad, _TALL * line.size + 2 * pad) for line in lines]
     places, depths = camera.project(np.array(at))
     area = (0.0, 0.0, float(camera.width), float(camera.height))
     for number, (x, y) in label_places(places, depths, sizes, _GAP * unit, area, 4 * unit).items():
         width, height = sizes[number]
         draw.rounded_rectangle([x, y, x + width, y + height], 4 * unit, fill=PLATE)
-        draw.text((x + pad - boxes[number][0], y + pad - boxes[number][1]), texts[number], font=font, fill=TEXT)
+        lines[number].draw(draw, x + pad, y + pad + _CAPITALS * lines[number].size, TEXT)
 
 
 @cache

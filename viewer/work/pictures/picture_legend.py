@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .drawn_over import PLATE, TEXT, drawn_over, letters, unit_length
+from ...common.text_line import TextLine
+from .drawn_over import PLATE, TEXT, drawn_over, unit_length
 
 _MARGIN, _ROW, _SWATCH, _RAMP, _PAD, _LETTERS = 14.0, 22.0, 13.0, 220.0, 10.0, 14.0
 """Design units of the window (viewer.window.kit.legend)."""
@@ -32,23 +33,24 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
 
     height, width = picture.shape[:2]
     unit = unit_length(height)
-    font = letters(max(round(_LETTERS * unit), 9))
+    size = max(round(_LETTERS * unit), 9)
     sheet = Image.new("RGBA", (width, height))
     draw = ImageDraw.Draw(sheet)
     row, swatch, pad = _ROW * unit, _SWATCH * unit, _PAD * unit
     texts = [legend.title] if legend.ramp is not None else [legend.title, *(text for _, text in legend.rows)]
-    wide = max(font.getlength(text) for text in texts)
+    wide = max(TextLine(text, size).width for text in texts)
     if legend.ramp is None:
         wide, tall = wide + swatch + pad, row * len(texts) + pad
     else:
-        wide = max(wide, font.getlength(f"{legend.low}    {legend.high}"), _RAMP * unit)
+        wide = max(wide, TextLine(f"{legend.low}    {legend.high}", size).width, _RAMP * unit)
         tall = 2 * row + swatch + pad
     left = _MARGIN * unit
     top = height - _MARGIN * unit - tall
     draw.rounded_rectangle([left, top, left + wide + 2 * pad, height - _MARGIN * unit], 5 * unit, fill=PLATE)
 
-    def write(x: float, line: float, text: str, anchor: str = "lm") -> None:
-        draw.text((x, line), text, font=font, fill=TEXT, anchor=anchor)
+    def write(x: float, middle: float, text: str, *, ends: bool = False) -> None:
+        line = TextLine(text, size)
+        line.draw(draw, x - line.width * ends, middle + (line.ascent - line.descent) / 2, TEXT)
 
     left, middle = left + pad, top + pad / 2 + row / 2
     write(left, middle, legend.title)
@@ -63,5 +65,5 @@ def with_legend(picture: np.ndarray, legend: Legend) -> np.ndarray:
     sheet.paste(Image.fromarray(np.repeat(band[None], max(round(swatch), 1), axis=0)), (start, upper))
     middle = upper + swatch + row / 2
     write(left, middle, legend.low)
-    write(left + wide, middle, legend.high, "rm")
+    write(left + wide, middle, legend.high, ends=True)
     return drawn_over(picture, np.asarray(sheet))
