@@ -62,8 +62,8 @@ def exact_text(value: float) -> str:
 
 
 def table_bytes(text: str) -> bytes:
-    """A CSV table in UTF-8, with a byte order mark where it has other letters than ASCII: without one spreadsheets take them for
-    Latin letters.  Halves of characters are escaped."""
+    """A CSV table in UTF-8, with a byte order mark where it has other letters than ASCII: without one, spreadsheets take them
+    for Latin letters.  Halves of characters are escaped."""
     return text.encode("utf-8" if text.isascii() else "utf-8-sig", errors="backslashreplace")
 
 
