@@ -248,7 +248,7 @@ def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_ru
         with contextlib.suppress(KeyboardInterrupt):
             coming.replace(["000.first.js"], ["scene.js", "overview.html", "index.html"])
         monkeypatch.undo()
-        with coming.opened(("first",), 1):
+        with coming.opened(lambda: 0, 1):
             pass
         found = {str(file.relative_to(out)): file.read_text() for file in out.rglob("*") if file.is_file()}
         names = ["index.html", "overview.html", "places/000.first.js", "scene.js"]

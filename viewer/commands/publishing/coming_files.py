@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,23 +46,22 @@ class ComingFiles:
         return self.folder / "places"
 
     @contextlib.contextmanager
-    def opened(self, finished: "Iterable[str]", places: int) -> Iterator[None]:
+    def opened(self, finished: Callable[[], int], places: int) -> Iterator[None]:
         """Makes the folders, and keeps other publications out of ``out`` until the block ends or the process does.
 
         A replacement that an earlier process began is finished first.  Where the block fails or the process is stopped, says
-        what stays.  finished: the parts of a place, by which whole ones are counted.  places: how many there will be.
+        what stays.  finished: counts the places that are there, as far as they are of this publication.  places: how many there
+        will be.
         Raises InputError where another process publishes into the folder, or it cannot be written."""
         with out_folder(self.out), alone(self.out):
             self.finish()
             for entry in self.folder.iterdir() if self.folder.is_dir() else ():
                 if entry != self.places:  # of a run that was killed while it wrote the page
                     _remove(entry)
-            with out_folder(self.places), undone(lambda: self._say_kept(tuple(finished), places)):
+            with out_folder(self.places), undone(lambda: self._say_kept(finished(), places)):
                 yield
 
-    def _say_kept(self, parts: tuple[str, ...], places: int) -> None:
-        made = sum(all((self.places / f"{file.name[:3]}.{part}.js").is_file() for part in parts)
-                   for file in self.places.glob(f"[0-9][0-9][0-9].{parts[0]}.js"))
+    def _say_kept(self, made: int, places: int) -> None:
         if made:
             shown = f"; {self.out} shows the earlier publication" if (self.out / self.entries[-1]).is_file() else ""
             tell(f"{made} of {counted(places, 'place')} stay in {self.folder}, and the same command goes on from there{shown}")

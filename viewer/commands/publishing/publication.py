@@ -105,7 +105,7 @@ class Publication:
         if self.document.comparison is not None:
             problem("the comparison of two dates that the project shows is not part of a publication: its pages show the scans")
         attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
-        with self._coming.opened(self._parts, len(self.places)):
+        with self._coming.opened(self._waiting, len(self.places)):
             finished = [self._finished(number) for number in range(len(self.places))]
             missing = [number for number, record in enumerate(finished) if record is None]
             with closing(run_tasks(make, missing, workers, label="publishing", unit="place",
@@ -183,6 +183,11 @@ class Publication:
         for file in files if record is not None else ():
             self._coming.keep(file.name)
         return record
+
+    def _waiting(self) -> int:
+        """How many places have been made and not been published yet."""
+        return sum(self._record(number, [self._file(number, part) for part in self._parts]) is not None
+                   for number in range(len(self.places)))
 
     def _record(self, number: int, files: list[Path]) -> dict[str, Any] | None:
         made_of = self._digest(self.places[number])
