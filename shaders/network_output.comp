@@ -16,9 +16,9 @@ uniform sampler2D filled;
 #endif
 #ifdef PHOTOGRAPHS
 #include "common_blocks.glsl"
+#include "common_contradicted.glsl"
 uniform sampler2D photographs;  // their colours and share
 uniform sampler2D grid;         // of photo_spacing.comp
-uniform sampler2D block_apart;  // of photo_apart.comp
 #endif
 #ifdef COUNTED
 layout(r8, binding = 1) uniform writeonly image2D counted;
@@ -47,9 +47,7 @@ void main() {
     float sparse = clamp((between_blocks(grid, at).x - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
     float agree = clamp((APART_TO - 255.0 * max(apart.r, max(apart.g, apart.b))) / (APART_TO - APART_FROM), 0.0, 1.0);
     float counts = share * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
-    vec4 around = between_blocks(block_apart, at);
-    float contradicted = 255.0 * max(abs(around.r), max(abs(around.g), abs(around.b))) / max(around.a, 1e-6);
-    counts *= clamp((CONTRADICTED_TO - contradicted) / (CONTRADICTED_TO - CONTRADICTED_FROM), 0.0, 1.0);
+    counts *= uncontradicted(at);
     rgba.rgb = mix(rgba.rgb, photo.rgb, counts);
 #endif
 #ifdef COUNTED

@@ -1,4 +1,4 @@
-// Colours the filled picture from photographs.  ALONE: also writes their own colours.  Reference implementation:
+// What photographs show of a picture, and their share as alpha.  Reference implementation:
 // model/reference/photo_colours.py; viewer/render/photographs/photo_loops.py does the same on the processor.
 // A workgroup finds the depths of its pixels and the photographs whose frustum meets them, which changes no pixel.
 
@@ -10,11 +10,8 @@ uniform sampler2D certain;  // of photo_surface.comp
 uniform sampler2D grid;     // of photo_spacing.comp
 uniform vec4 lens;          // fx, fy, cx, cy in pixels
 uniform int photographs;    // records
-layout(rgba8, binding = 0) uniform image2D filled;
-layout(r8, binding = 1) uniform writeonly image2D share;
-#ifdef ALONE
-layout(rgba8, binding = 2) uniform writeonly image2D colours;
-#endif
+uniform sampler2D filled;
+layout(rgba8, binding = 0) uniform writeonly image2D colours;
 
 shared uint near_bits, far_bits;  // of positive depths, which have the order of their bits
 shared int count;
@@ -89,7 +86,7 @@ vec3 sampled(int photo, vec2 at, float footprint) {
 float apart(vec3 a, vec3 b) { return dot(abs(a - b), vec3(1.0)); }
 
 void main() {
-    ivec2 at = ivec2(gl_GlobalInvocationID.xy), size = imageSize(filled);
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy), size = imageSize(colours);
     bool inside = all(lessThan(at, size));
     if (gl_LocalInvocationIndex == 0u) {
         near_bits = 0x7f800000u;
@@ -113,10 +110,7 @@ void main() {
     barrier();
     if (!inside) return;
     if (sure <= 0.0 || count == 0) {
-        imageStore(share, at, vec4(0.0));
-#ifdef ALONE
         imageStore(colours, at, vec4(0.0));
-#endif
         return;
     }
     vec3 place = place_of(at), view = normalize(place);
@@ -162,8 +156,7 @@ void main() {
         weights[rank] = weight; confident[rank] = confidence; who[rank] = photo; where[rank] = shown;
     }
     vec3 seen[4];
-    vec4 old = imageLoad(filled, at);
-    seen[3] = floor(255.0 * old.rgb + 0.5);
+    seen[3] = floor(255.0 * texelFetch(filled, at, 0).rgb + 0.5);
     for (int k = 0; k < 3; ++k) {
         seen[k] = weights[k] > 0.0 ? sampled(who[k], where[k].xy, where[k].z) : vec3(0.0);
         if (weights[k] <= 0.0 || seen[k].x < 0.0) {
@@ -190,11 +183,6 @@ void main() {
         total += weight;
         mean += weight * seen[k];
     }
-    if (!(total > 0.0)) part = 0.0;
-    imageStore(share, at, vec4(part));
     mean = total > 0.0 ? clamp(mean / total, 0.0, 255.0) : vec3(0.0);
-#ifdef ALONE
-    imageStore(colours, at, vec4(mean / 255.0, part));
-#endif
-    if (part > 0.0) imageStore(filled, at, vec4(floor(mix(seen[3], mean, part) + 0.5) / 255.0, old.a));
+    imageStore(colours, at, vec4(mean / 255.0, total > 0.0 ? part : 0.0));
 }

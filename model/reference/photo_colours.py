@@ -87,9 +87,8 @@ class ReferencePhoto:
 
 
 def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, lens: tuple[float, float, float, float],
-                 photographs: list[ReferencePhoto]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The filled picture with the colours of photographs, (H, W, 3) float64 of 0..255; their own colours, as that, 0 where
-    there are none; and their share, (H, W) float64 0..1.
+                 photographs: list[ReferencePhoto]) -> tuple[np.ndarray, np.ndarray]:
+    """The colours of photographs, (H, W, 3) float64 of 0..255, 0 where there are none, and their share, (H, W) 0..1.
 
     filled: (H, W, 4) uint8, premultiplied.  depth: (H, W) float32, view-space z, 0 where the picture is not opaque.
     measured: (H, W) bool.  lens: fx, fy, cx, cy of the picture, pixels.
@@ -118,7 +117,14 @@ def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, le
     total = weight.sum(0)
     share = np.where(total > 0, confidence.max(0), 0.0)
     mean = np.clip((weight[..., None] * colour).sum(0) / np.maximum(total, 1e-30)[..., None], 0, 255)
-    return base + (mean - base) * share[..., None], mean, share
+    return mean, share
+
+
+def over_filled(filled: np.ndarray, photo: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The filled picture with the colours of photographs over it, (H, W, 3) float64 of 0..255, and how much of each pixel is
+    from them, (H, W) 0..1.  filled: (H, W, 3) of 0..255.  photo, share: of :func:`photographed`."""
+    counts = share * _uncontradicted(filled, photo, share)
+    return filled + (photo - filled) * counts[..., None], counts
 
 
 def over_network(network: np.ndarray, photo: np.ndarray, share: np.ndarray, spacing: np.ndarray
@@ -132,15 +138,20 @@ def over_network(network: np.ndarray, photo: np.ndarray, share: np.ndarray, spac
     height, width = share.shape
     padded = np.pad(share, 1, mode="edge")  # the border of a share is softened: ragged ones are seen
     soft = np.mean([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)], axis=0)
-    whole = _blocks(np.concatenate([(photo - network) * share[..., None], share[..., None]], axis=-1))
-    difference = between_blocks(whole, (height, width))
-    contradicted = np.abs(difference[..., :3]).max(-1) / np.maximum(difference[..., 3], 1e-6)
     sparse = np.clip((spacing - DENSE[0]) / (DENSE[1] - DENSE[0]), 0, 1)
     apart = np.abs(photo - network).max(-1)
     agree = np.clip((APART[1] - apart) / (APART[1] - APART[0]), 0, 1)
     counts = np.where(share > 0, soft, 0.0) * (OVER[0] + (OVER[1] - OVER[0]) * sparse) * (agree + (1 - agree) * sparse)
-    counts = counts * np.clip((CONTRADICTED[1] - contradicted) / (CONTRADICTED[1] - CONTRADICTED[0]), 0, 1)
+    counts = counts * _uncontradicted(network, photo, share)
     return network + (photo - network) * counts[..., None], counts
+
+
+def _uncontradicted(under: np.ndarray, photo: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(H, W) 0..1: 0 where photographs differ by CONTRADICTED, on average around, from what they come over."""
+    sums = _blocks(np.concatenate([(photo - under) * share[..., None], share[..., None]], axis=-1))
+    around = between_blocks(sums, share.shape)
+    contradicted = np.abs(around[..., :3]).max(-1) / np.maximum(around[..., 3], 1e-6)
+    return np.clip((CONTRADICTED[1] - contradicted) / (CONTRADICTED[1] - CONTRADICTED[0]), 0, 1)
 
 
 def _blocks(picture: np.ndarray) -> np.ndarray:

@@ -111,7 +111,6 @@ def sources(context, monkeypatch) -> dict[str, str]:
         unpacking(programs, copied=copied, photographs=True)
         OverNetwork(programs, (1, 1), copied=copied).release()
     photographs = PhotoShader(programs, (8, 8))
-    photographs.colouring(False), photographs.colouring(True)
     meshes = MeshPass(programs, (8, 8), lambda path: None)
     for owned in (canvas, bridge, moved, photographs, meshes, programs):
         owned.release()

@@ -109,7 +109,7 @@ class SizedPasses:
             self.photos = self.photos or PhotoPass(self.programs, self.size)
             with stages("photographs"):
                 self.photos.run(fill.filled, fill.depth, frame.mask_texture, frame.camera, photographs, numbers,
-                                alone=network is not None)
+                                neural=network is not None)
             frame.photo_shares["filled"], frame.facts = self.photos.share, replace(frame.facts, photographs=len(numbers))
         if network is not None:
             network.photographs = self.photos if numbers else None

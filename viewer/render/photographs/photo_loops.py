@@ -114,11 +114,11 @@ def _outside(num, whole, u, v, near, far):
 
 
 @compiled(nogil=True)
-def photograph_rows(filled, depth, grid, lens, numbers, places, pool, made, share, colours, first, last):
-    """Colours made (H, W) uint32, a copy of ``filled``, and share (H, W) uint8, zeros, in tile rows ``first`` to ``last``.
+def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, first, last):
+    """Writes to colours (H, W) uint32, zeros, RGBA8, what the photographs show, their share as alpha, in tile rows ``first`` to
+    ``last``.
 
     filled: (H, W) uint32, RGBA8.  grid: of count_measured.  lens: (4,) float32.  pool: its words, uint32.
-    colours: (H, W) uint32, zeros: gets the photographs' own colours, and their share as alpha; (0, 0): none.
     """
     height, width = depth.shape
     ranges, texels, most = pool.view(np.float32), pool.view(np.int32), len(numbers)
@@ -158,7 +158,7 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, made, shar
                 for k in range(used, MOST):
                     slots[k, WEIGHT : WEIGHT + PIXELS] = _F(0.0)
                 vote(s, slots[0], slots[1], slots[2])
-            _write(s, top, left, filled, made, share, colours)
+            _write(s, top, left, colours)
 
 
 @compiled(nogil=True)
@@ -175,22 +175,11 @@ def _unpack(filled, top, left, s):
 
 
 @compiled(nogil=True)
-def _write(s, top, left, filled, made, share, colours):
-    """Sets the colours of a tile, and where asked for those of the photographs alone."""
-    height, width = filled.shape
+def _write(s, top, left, colours):
+    height, width, half = *colours.shape, _F(0.5)
     for j in range(min(TILE, height - top)):
-        line, shares, old, at = made[top + j], share[top + j], filled[top + j], TILE * j
+        line, at = colours[top + j], TILE * j
         for i in range(min(TILE, width - left)):
-            colour = _packed(s, RED + at + i, GREEN + at + i, BLUE + at + i)
-            line[left + i] = (old[left + i] & np.uint32(0xFF000000)) | np.uint32(colour)
-            shares[left + i] = np.uint8(np.int32(s[SHARE + at + i] * _F(255.0) + _F(0.5)))
-        if len(colours) > 0:
-            for i in range(min(TILE, width - left)):
-                colour = np.uint32(_packed(s, MEAN_RED + at + i, MEAN_GREEN + at + i, MEAN_BLUE + at + i))
-                colours[top + j, left + i] = colour | np.uint32(shares[left + i]) << np.uint32(24)
-
-
-@compiled(nogil=True, inline="always")
-def _packed(s, red, green, blue):
-    half = _F(0.5)
-    return np.int32(s[red] + half) | np.int32(s[green] + half) << 8 | np.int32(s[blue] + half) << 16
+            red, green = np.int32(s[MEAN_RED + at + i] + half), np.int32(s[MEAN_GREEN + at + i] + half)
+            colour, part = red | green << 8 | np.int32(s[MEAN_BLUE + at + i] + half) << 16, s[SHARE + at + i] * _F(255.0)
+            line[left + i] = np.uint32(colour) | np.uint32(part + half) << np.uint32(24)

@@ -32,6 +32,9 @@ _COLOUR: dict[str, Any] = {
     "RECORD": NUMBERS + PLACES, "MOST_PHOTOGRAPHS": MOST_PHOTOGRAPHS,
 }  # fmt: skip
 
+_OVER: dict[str, Any] = {"BLOCK": constants.BLOCK, "CONTRADICTED_FROM": constants.CONTRADICTED[0],
+                         "CONTRADICTED_TO": constants.CONTRADICTED[1]}
+
 
 class ResidentPool:
     """Owns a copy of a pool on the GPU."""
@@ -66,28 +69,28 @@ class PhotoShader:
         self._surface = Pass(programs, "photographs", "photo_surface.comp", outputs=("certain",), inputs=("depth",), **_SURFACE)
         self._spacing = Pass(programs, "photographs", "photo_spacing.comp", outputs=("grid",), inputs=("mask",),
                              BLOCK=constants.BLOCK)
-        self._colours: dict[bool, Pass] = {}
+        self._colour = Pass(programs, "photographs", "photo_colour.comp", outputs=("colours",),
+                            inputs=("filled", "depth", "certain", "grid"), uniforms=("lens", "photographs"),
+                            buffers=("PHOTOS", "PHOTO_RECORDS"), **_COLOUR)
+        self._apart = programs.context.texture((-(-size[0] // constants.BLOCK), -(-size[1] // constants.BLOCK)), 4, dtype="f4")
+        self._sums = Pass(programs, "photographs", "photo_apart.comp", outputs=("apart",), inputs=("photographs", "filled"),
+                          BLOCK=constants.BLOCK, FILLED=1)
+        self._over = Pass(programs, "photographs", "photo_over.comp", outputs=("filled", "share"),
+                          inputs=("photographs", "block_apart"), **_OVER)
 
-    def run(self, filled: "moderngl.Texture", share: "moderngl.Texture", colours: "moderngl.Texture | None",
+    def run(self, filled: "moderngl.Texture", share: "moderngl.Texture", colours: "moderngl.Texture",
             grid: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture", camera: "Camera",
             resident: ResidentPool, numbers: list[int]) -> None:
         """As PhotoPass.run; share, colours and grid: as there, written everywhere."""
         buffers = resident.update(numbers, camera)
         self._surface.run(self._certain, inputs={"depth": depth})
         self._spacing.run(grid, inputs={"mask": mask})
-        inputs, written = {"depth": depth, "certain": self._certain, "grid": grid}, [filled, share]
-        self.colouring(colours is not None).run(*written, *(() if colours is None else (colours,)), inputs=inputs,
-                                                buffers=buffers, photographs=len(numbers),
-                                                lens=(camera.fx, camera.fy, camera.cx, camera.cy))
-
-    def colouring(self, alone: bool) -> Pass:
-        """The pass that colours, made when it is first needed.  alone: it also writes the photographs' own colours."""
-        if alone not in self._colours:
-            self._colours[alone] = Pass(
-                self._programs, "photographs", "photo_colour.comp",
-                outputs=("filled", "share", *(("colours",) if alone else ())), inputs=("depth", "certain", "grid"),
-                uniforms=("lens", "photographs"), buffers=("PHOTOS", "PHOTO_RECORDS"), ALONE=1 if alone else None, **_COLOUR)
-        return self._colours[alone]
+        inputs = {"filled": filled, "depth": depth, "certain": self._certain, "grid": grid}
+        self._colour.run(colours, inputs=inputs, buffers=buffers, photographs=len(numbers),
+                         lens=(camera.fx, camera.fy, camera.cx, camera.cy))
+        self._sums.run(self._apart, inputs={"photographs": colours, "filled": filled})
+        self._over.run(filled, share, inputs={"photographs": colours, "block_apart": self._apart})
 
     def release(self) -> None:
         self._certain.release()
+        self._apart.release()

@@ -45,8 +45,8 @@ PLANE = PIXELS + 16
 (X, Y, Z, INVERSE, VIEW_X, VIEW_Y, VIEW_Z, NORMAL_X, NORMAL_Y, NORMAL_Z, SURE, SPACING, ALONG_X, AHEAD_X, ALONG_Y, AHEAD_Y,
  NEAREST, BEST, _, _, WHO, _, _, RED, GREEN, BLUE, SHARE, MEAN_RED, MEAN_GREEN, MEAN_BLUE) = (PLANE * k for k in range(30))
 """Planes of a tile: place, 1 / z, unit view ray, unit normal, certainty, pixels between measured pixels; differences across and
-down the pixel; the shadow map's distance; weight and slot of the best photographs; the filled picture's colour and then the one
-that is made; the photographs' share and their own colour."""
+down the pixel; the shadow map's distance; weight and slot of the best photographs; the filled picture's colour;
+the photographs' share and their own colour."""
 PLANES = 30
 COLUMN, ROW, FOOTPRINT, CONFIDENCE, WEIGHT, SEEN_RED, SEEN_GREEN, SEEN_BLUE, RIGHT, BELOW = (PLANE * k for k in range(10))
 """Planes of a slot: of one photograph in a tile.  COLUMN: -1 where it does not show the pixel.  SEEN_RED: -1 where a texel
@@ -264,8 +264,8 @@ def ranked(s, slots, top):
 
 @compiled(nogil=True)
 def vote(s, one, two, three):
-    """The mean of three photographs' colours, those that disagree outvoted, in MEAN_RED, MEAN_GREEN and MEAN_BLUE; and over the
-    filled picture's by the largest confidence of them, in RED, GREEN, BLUE and SHARE.  one, two, three: slots, in any order."""
+    """The mean of three photographs' colours, those that disagree outvoted, in MEAN_RED, MEAN_GREEN and MEAN_BLUE, and the
+    largest confidence of them in SHARE.  one, two, three: slots, in any order."""
     for i in range(PIXELS):
         w0, w1, w2 = one[WEIGHT + i], two[WEIGHT + i], three[WEIGHT + i]
         r0, r1, r2, r3 = one[SEEN_RED + i], two[SEEN_RED + i], three[SEEN_RED + i], s[RED + i]
@@ -298,5 +298,4 @@ def vote(s, one, two, three):
         r, g = min((w0 * r0 + w1 * r1 + w2 * r2) * total, _F(255.0)), min((w0 * g0 + w1 * g1 + w2 * g2) * total, _F(255.0))
         b = min((w0 * b0 + w1 * b1 + w2 * b2) * total, _F(255.0))
         s[MEAN_RED + i], s[MEAN_GREEN + i], s[MEAN_BLUE + i] = r, g, b
-        s[RED + i], s[GREEN + i], s[BLUE + i] = r3 + (r - r3) * share, g3 + (g - g3) * share, b3 + (b - b3) * share
         s[SHARE + i] = share
