@@ -10,6 +10,8 @@ from .camera import Camera
 
 Area = tuple[float, float, float, float]
 """Left, top, width and height."""
+_CORNERS = ((1, -1), (1, 1), (-1, -1), (-1, 1))
+"""Of a point, to the right and downwards, in the order in which labels are put there."""
 _NEAR = 1e-6  # of the farthest depth of a line: where it is cut off in front of the camera
 
 
@@ -49,24 +51,25 @@ def kept_inside(left: float, top: float, size: Sequence[float], area: Area, edge
 
 
 def label_places(places: np.ndarray, depths: np.ndarray, sizes: Sequence[Sequence[float]], gap: float, area: Area,
-                 edge: float) -> dict[int, tuple[float, float]]:
+                 edge: float, taken: Sequence[Area] = (), reaches: Sequence[float] = (1.0,)) -> dict[int, tuple[float, float]]:
     """The left and top of each label, none over another: in the first free corner of its point, the nearest points first; one
     without a free corner is left out.
+
+    taken: where labels lie already.  reaches: multiples of the gap that are tried, one after the other.
 
     places: (n, 2) of the points.  depths: (n,).  sizes: width and height of each plate.  gap: from the point to the plate.
     Only points in ``area`` have labels; those behind the camera have NaN.
     """
-    taken: list[Area] = []
-    found = {}
+    taken, found = list(taken), {}
     left, top, wide, high = area
     for number in np.argsort(depths).tolist():
         x, y = places[number]
         if not (left <= x <= left + wide and top <= y <= top + high and depths[number] > 0):
             continue
         width, height = sizes[number]
-        for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
-            at = kept_inside(x + across * gap - (0.0 if across > 0 else width), y + down * gap - (0.0 if down > 0 else height),
-                             (width, height), area, edge)
+        for reach, across, down in ((gap * reach, *corner) for reach in reaches for corner in _CORNERS):
+            at = kept_inside(x + across * reach - (0.0 if across > 0 else width),
+                             y + down * reach - (0.0 if down > 0 else height), (width, height), area, edge)
             if all(at[0] + width <= a or a + w <= at[0] or at[1] + height <= b or b + h <= at[1] for a, b, w, h in taken):
                 taken.append((*at, width, height))
                 found[number] = at

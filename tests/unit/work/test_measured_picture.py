@@ -7,6 +7,7 @@ from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.picture.drawn_lines import clipped, in_front, label_places
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
+from pointglass.viewer.work.pictures.drawn_over import with_shapes
 from pointglass.viewer.work.pictures.measured_picture import with_measurements
 
 ACCENT = np.array([92, 196, 192])
@@ -92,6 +93,21 @@ def test_a_part_of_a_line_is_that_which_a_plain_sampling_finds(seed):
             assert np.abs(np.sort(ends, axis=0) - np.sort(np.array(part), axis=0)).max() < 4 * steps
             shown += 1
     assert shown > 10
+
+
+def test_a_crowd_of_labels_of_measurements_and_notes_lies_apart(seed):
+    """Each of a dozen at one place has its own room, most of them farther off, with a line to their place."""
+    random = np.random.default_rng(seed)
+    view, taken = camera(random, 960, 720), []
+    black = np.zeros((720, 960, 3), np.uint8)
+    at = list(view.unproject(random.uniform(-3, 3, (6, 2)) + (480.0, 360.0), np.full(6, 5.0)))
+    for group in range(2):
+        with_shapes(black, view, lambda *_: None, at, [f"group {group}, number {number}" for number in range(6)], taken)
+    assert len(taken) == 12
+    for number, (x, y, width, height) in enumerate(taken):
+        assert x >= 0 and y >= 0 and x + width <= 960 and y + height <= 720
+        for a, b, w, h in taken[:number]:
+            assert x + width <= a or a + w <= x or y + height <= b or b + h <= y
 
 
 def test_no_label_lies_over_another_or_outside_and_the_nearest_comes_first(seed):

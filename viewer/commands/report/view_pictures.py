@@ -20,6 +20,7 @@ from ...work.pictures.points_legend import change_legend, legend_of
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
+    from ...picture.drawn_lines import Area
     from ...render.renderer import Renderer
     from ...work.document import Document
     from ...work.notes.annotation import Annotation
@@ -43,7 +44,8 @@ class ViewPictures:
         self._unit, self._edits, self._changes = unit_name(scene.meta.metres_per_unit), edits, changes_of(scene, edits)
         if self._changes is not None:
             self._edits = replace(edits, changes=self._changes.levels)
-        self._drawn: dict[tuple, np.ndarray] = {}  # of views without their notes: many notes are written from one place
+        self._drawn: dict[tuple, tuple[np.ndarray, list[Area]]] = {}
+        """Of views without their notes: many notes are written from one place.  And where labels lie."""
 
     def picture(self, view: "Viewpoint", notes: "tuple[Annotation, ...]", numbers: tuple[int, ...]) -> np.ndarray:
         """(H, W, 3) uint8: the view with all measurements and these notes.  numbers: of the notes, from 0."""
@@ -55,11 +57,13 @@ class ViewPictures:
             if len(self._drawn) >= _KEPT:
                 del self._drawn[next(iter(self._drawn))]
             spec = PictureSpec(camera, document.settings, edits=self._edits, background=document.background)
-            picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit)
+            taken: list[Area] = []
+            picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit, taken)
             picture = with_scale_bar(picture, camera, self._renderer.scene.meta.metres_per_unit)
             legend = self._legend(camera)
-            self._drawn[key] = picture if legend is None else with_legend(picture, legend)
-        return with_notes(self._drawn[key], camera, notes, numbers)
+            self._drawn[key] = picture if legend is None else with_legend(picture, legend), taken
+        picture, taken = self._drawn[key]
+        return with_notes(picture, camera, notes, numbers, taken)
 
     def _legend(self, camera: "Camera") -> "Legend | None":
         """Of the colours of points; None where they have their own."""

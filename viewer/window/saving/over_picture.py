@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ...common.text import counted
+from ...picture.drawn_lines import Area
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
 from ...work.pictures.noted_picture import with_notes
@@ -34,7 +35,9 @@ class OverPicture:
 
     def drawn(self, picture: "np.ndarray", camera: "Camera") -> "np.ndarray":
         """The picture, (H, W, 3 or 4) uint8, with it.  camera: at the picture's size."""
-        picture = with_notes(with_measurements(picture, camera, self.measurements, self.unit), camera, self.notes)
+        taken: list[Area] = []
+        picture = with_measurements(picture, camera, self.measurements, self.unit, taken)
+        picture = with_notes(picture, camera, self.notes, taken=taken)
         if self.scale_bar:
             picture = with_scale_bar(picture, camera, self.metres_per_unit)
         return with_legend(picture, self.legend) if self.legend is not None else picture

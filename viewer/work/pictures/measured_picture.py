@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...picture.drawn_lines import clipped, in_front
+from ...picture.drawn_lines import Area, clipped, in_front
 from ..measuring.measure_shapes import Shapes, shapes_of
 from ..measuring.measure_text import labels_of
 from .drawn_over import ACCENT, EDGE, with_shapes
@@ -18,11 +18,12 @@ _LINE, _HELPER, _POINT = 2.0, 1.0, 4.0
 """Design units (:mod:`.drawn_over`): width of lines, radius of points."""
 
 
-def with_measurements(picture: np.ndarray, camera: "Camera", measurements: "Sequence[Measurement]", unit: str) -> np.ndarray:
+def with_measurements(picture: np.ndarray, camera: "Camera", measurements: "Sequence[Measurement]", unit: str,
+                      taken: list[Area] | None = None) -> np.ndarray:
     """The picture with all measurements over it.
 
     picture: (H, W, 3) or (H, W, 4) uint8, premultiplied; it is not changed.  camera: of it, at its size.  unit: as the file's
-    lengths are named.
+    lengths are named.  taken: as :func:`.drawn_over.with_shapes` has it.
     """
     if not measurements:
         return picture
@@ -32,7 +33,7 @@ def with_measurements(picture: np.ndarray, camera: "Camera", measurements: "Sequ
         for shapes in drawn:
             _draw(on, large, shapes, size)
 
-    return with_shapes(picture, camera, draw, [shapes.label for shapes in drawn], labels_of(measurements, unit))
+    return with_shapes(picture, camera, draw, [shapes.label for shapes in drawn], labels_of(measurements, unit), taken)
 
 
 def _draw(draw: Any, camera: "Camera", shapes: Shapes, unit: float) -> None:

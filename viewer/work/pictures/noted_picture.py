@@ -10,17 +10,19 @@ from .drawn_over import EDGE, with_shapes
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
+    from ...picture.drawn_lines import Area
     from ..notes.annotation import Annotation
 
 _MARK, _RIM = 6.0, 1.5
 """Half the width of a mark, and of its dark rim, design units (:mod:`.drawn_over`)."""
 
 
-def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotation]", numbers: Sequence[int] = ()) -> np.ndarray:
+def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotation]", numbers: Sequence[int] = (),
+               taken: "Sequence[Area]" = ()) -> np.ndarray:
     """The picture with notes over it.
 
     picture: (H, W, 3) or (H, W, 4) uint8, premultiplied; it is not changed.  camera: of it, at its size.  numbers: of the
-    notes, from 0; none: all are given, in order.
+    notes, from 0; none: all are given, in order.  taken: where other labels lie, pixels.
     """
     if not notes:
         return picture
@@ -36,5 +38,5 @@ def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotatio
                     on.rectangle([x - half, y - half, x + half, y + half], fill=colour)
 
     titles = [note.title(number) for note, number in zip(notes, numbers, strict=True)]
-    labelled = with_shapes(picture, camera, lambda on, large, unit: None, places, titles)
+    labelled = with_shapes(picture, camera, lambda on, large, unit: None, places, titles, list(taken))
     return with_shapes(labelled, camera, draw, [], [])  # no label covers a mark
