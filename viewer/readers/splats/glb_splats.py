@@ -41,7 +41,8 @@ class Column:
         size = np.dtype(self.kind).itemsize
         rows = np.lib.stride_tricks.as_strided(data[self.at + start * self.stride :], (stop - start, self.width * size),
                                                (self.stride, 1))
-        found = np.ascontiguousarray(rows).view(self.kind).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # damaged files contain signalling NaN
+            found = np.ascontiguousarray(rows).view(self.kind).astype(np.float64)
         return found / np.iinfo(self.kind).max if self.normalized else found
 
 
@@ -58,7 +59,8 @@ def splat_parts(path: Path, found: dict[str, Any], begin: int) -> list[SplatPart
     """The splats of all nodes.  found, begin: as of glb_head.description.  Raises InputError where they are not as the
     extension says, do not lie in the file, or are of a kind that is not read."""
     try:
-        return _parts(path, found, begin)
+        with np.errstate(all="ignore"):
+            return _parts(path, found, begin)
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError):
         raise InputError("damaged: its description of splats is not as glTF has it", file=path, remedy=AGAIN) from None
 
@@ -73,10 +75,10 @@ def _parts(path: Path, found: dict[str, Any], begin: int) -> list[SplatPart]:
     while waiting:
         number, above, depth = waiting.pop()
         visited += 1
-        if depth > _DEEPEST or visited > _MOST_NODES:
-            raise ValueError
         node = nodes[number]
         to_world = above @ _matrix(node)
+        if depth > _DEEPEST or visited > _MOST_NODES or not np.isfinite(to_world).all():
+            raise ValueError
         waiting += [(child, to_world, depth + 1) for child in node.get("children", [])]
         for primitive in meshes[node["mesh"]]["primitives"] if "mesh" in node else []:
             extension = primitive.get("extensions", {}).get(EXTENSION)
