@@ -16,6 +16,24 @@ def open_places(folders: Sequence[Path]) -> list[TruePlace]:
     return [place for folder in folders for place in _open(Path(folder))]
 
 
+def rooms_below(folder: Path) -> list[Path]:
+    """The folders directly in ``folder`` that hold a room, that is a ``scene.json``, by name."""
+    return sorted(path.parent for path in folder.glob("*/scene.json"))
+
+
+def room_folders(folders: Sequence[Path]) -> list[Path]:
+    """The rooms that folders are or contain, in the order given, those in one folder by name.  Raises DataError naming the
+    first folder with none."""
+    found = []
+    for folder in folders:
+        rooms = [folder] if (folder / "scene.json").exists() else rooms_below(folder)
+        if not rooms:
+            wrong = "no scene.json in this folder or in those in it" if folder.is_dir() else "no such folder"
+            raise DataError(wrong, file=folder, remedy="give a room, a folder of rooms, or a scan")
+        found += rooms
+    return found
+
+
 def _open(folder: Path) -> list[TruePlace]:
     if not folder.is_dir():
         raise DataError("no such folder", file=folder, remedy="give a folder with scene.json, of ScanNet++ or of RGB-D frames")
@@ -31,8 +49,7 @@ def _open(folder: Path) -> list[TruePlace]:
         from .images.rgbd import load_rgbd
 
         return [load_rgbd(folder)]
-    below = sorted(path.parent for path in folder.glob("*/scene.json"))
-    if below:
+    if below := rooms_below(folder):
         from .stations import load_scene
 
         return [load_scene(path) for path in below]

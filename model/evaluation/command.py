@@ -20,8 +20,9 @@ CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options of :func:`run`."""
     parser.add_argument("data", nargs="+", type=Path, metavar="FOLDER|SCAN",
-                        help="scene folders (scene.json, stations, views), each evaluated separately, the worst first; or "
-                             "one scan, as for the viewer, evaluated at a tenth of its points, withheld from the pictures")
+                        help="rooms (folders with scene.json, stations, views) and folders of rooms, each room evaluated "
+                             "separately, the worst first; or scans, as for the viewer, one after the other, evaluated at a "
+                             "tenth of their points, withheld from the pictures")
     parser.add_argument("--weights", nargs="*", type=weights_path, default=[], metavar="F",
                         help="weights files or names of shipped ones (default: all shipped; for a scan: balanced)")
     parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D",
@@ -76,7 +77,8 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
 
 
 def run(options: argparse.Namespace, share: "Share | None" = None) -> int:
-    """Evaluates, prints the tables and writes the requested files.  Returns 0.  Raises DataError and WeightsError.
+    """Evaluates each room that the folders are or contain, prints the tables and writes the requested files.  Returns 0.
+    Raises DataError and WeightsError.
 
     share: gives the results of tasks that other processes compute, see model.evaluation.shared_rooms; None: this one does all.
 
@@ -84,6 +86,7 @@ def run(options: argparse.Namespace, share: "Share | None" = None) -> int:
     """
     from ..common.errors import DataError
     from ..common.files.json_file import write_json
+    from ..data.sources import room_folders
     from ..network.weights_folder import weights_dir
     from .outside import parse_outside
     from .own_methods import own_methods, own_networks
@@ -99,9 +102,10 @@ def run(options: argparse.Namespace, share: "Share | None" = None) -> int:
     for name in ("csv", "latex"):
         if getattr(options, name) and not options.paper_table:
             raise DataError("only with --paper-table", option=f"--{name}", value=getattr(options, name))
+    rooms = options.data if options.paper_table else room_folders(options.data)
     for name in ("plot", "outside", "paper_table"):
-        if getattr(options, name) and len(options.data) > 1:
-            raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given", remedy="omit it")
+        if getattr(options, name) and len(rooms) > 1:
+            raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(rooms)} are given", remedy="omit it")
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
     if options.paper_table:
         if share is not None:
@@ -115,9 +119,9 @@ def run(options: argparse.Namespace, share: "Share | None" = None) -> int:
     }
     if share is None:
         own = {"functions": own_methods(options.method), "networks": own_networks(options.network)}
-        results = [evaluate(folder, **settings, **own, worst=worst) for folder in options.data]
+        results = [evaluate(folder, **settings, **own, worst=worst) for folder in rooms]
     else:
-        results = evaluate_shared(SharedRooms(tuple(options.data), settings, tuple(options.method), tuple(options.network),
+        results = evaluate_shared(SharedRooms(tuple(rooms), settings, tuple(options.method), tuple(options.network),
                                               worst is not None), share, worst)
     results.sort(key=ratio_of_room, reverse=True)
     print("\n\n".join(format_table(result) for result in results))

@@ -1,6 +1,7 @@
 """``pointglass evaluate SCAN``: a table, JSON and a sheet; bad input is one line before the work."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -79,7 +80,8 @@ def test_a_folder_of_an_octree_is_a_scan(form, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("options, said", [
     (("{scan}", "--densities", "0"), "--densities 0"), (("{scan}", "--views", "0"), "--views 0"),
-    (("{scan}", "{scan}"), "one scan at a time"), (("{scan}", "{folder}"), "is a scan"),
+    (("{scan}", "{scan}", "--plot", "a.png"), "--plot a.png: for one scan, but 2"), (("{scan}", "{folder}"), "is a scan"),
+    (("{folder}",), "no scene.json in this folder or in those in it"), (("{scan}", "missing.laz"), "missing.laz: no such file"),
     (("{scan}", "--plot", "a.svg"), "must end in .png"), (("{grey}",), "no colours"), (("{few}",), "too few"),
     (("{scan}", "--weights", "missing.safetensors"), "no such weights"), (("{folder}/missing.laz",), "no such file"),
 ])
@@ -93,10 +95,19 @@ def test_bad_input_is_refused_in_one_line(scan, tmp_path, capsys, options, said)
     assert said in out.err and out.err.count("\n") == 1 and not out.out
 
 
-def test_options_of_rooms_are_said_to_be_of_no_use(scan, capsys):
-    told = ["evaluate", str(scan), "--views", "1", "--densities", "1", "--weights", FAST]
-    assert main([*told, "--no-flicker", "--fast"]) == 0
-    assert "ignores --flicker, --fast" in capsys.readouterr().err
+def test_several_scans_are_judged_one_after_the_other_and_options_of_rooms_ignored(scan, tmp_path, capsys):
+    other = shutil.copy(scan, tmp_path / "again.ply")
+    told = ["evaluate", str(scan), str(other), "--views", "1", "--densities", "1", "--weights", FAST, "--no-flicker", "--fast"]
+    found = []
+    for number, workers in enumerate([[], ["--workers", "2"]]):
+        assert main([*told, "--json", str(tmp_path / f"{number}.json"), *workers]) == 0
+        out = capsys.readouterr()
+        assert out.err.count("ignores --flicker, --fast") == 1
+        found.append((out.out, (tmp_path / f"{number}.json").read_bytes()))
+    assert found[0] == found[1], "by two processes: the same to the byte"
+    judged = json.loads(found[0][1])["scans"]
+    assert [one["scan"] for one in judged] == ["room.ply", "again.ply"] and judged[0]["rows"] == judged[1]["rows"]
+    assert found[0][0].count("60,000 points, 10 % of them withheld") == 2
 
 
 def test_each_station_that_is_known_is_left_out_from_where_it_stood():

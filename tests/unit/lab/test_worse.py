@@ -101,9 +101,13 @@ def test_rooms_are_told_the_worst_first():
     assert sorted([none, good, bad], key=ratio_of_room, reverse=True) == [bad, good, none]
 
 
-def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path, capsys):
+def test_a_folder_of_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path, capsys):
     files = [str(tmp_path / name) for name in ("r.json", "w.png")]
-    told = ["evaluate", str(room), str(room), "--fast", "--views", "2", "--densities", "1", "--exposures", "matched",
+    (rooms := tmp_path / "rooms").mkdir()
+    for name in "ba":
+        (rooms / name).symlink_to(room)
+    (rooms / "notes").mkdir()
+    told = ["evaluate", str(rooms), "--fast", "--views", "2", "--densities", "1", "--exposures", "matched",
             "--weights", str(weights_dir() / "fast-filtered.safetensors"), "--perceptual", str(squeeze)]
     assert main([*told, "--json", files[0], "--worst", files[1]]) == 0
     out = capsys.readouterr().out
@@ -117,7 +121,7 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
     before = [Path(file).read_bytes() for file in files]
     assert main([*told, "--json", files[0], "--worst", files[1], "--workers", "2"]) == 0
     assert [Path(file).read_bytes() for file in files] == before, "by two processes: the same to the byte"
-    with pytest.raises(DataError, match="--plot: for one folder"):
+    with pytest.raises(DataError, match="--plot: for one folder, but 2 are given"):
         from pointglass.model.evaluation.command import run
         from pointglass.viewer.command_table import make_parser
 

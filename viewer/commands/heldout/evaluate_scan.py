@@ -52,14 +52,21 @@ def is_scan(path: Path) -> bool:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
+    """Evaluates the scans one after the other, prints a table of each and writes the requested files.  Returns 0.  Raises
+    InputError, DataError and WeightsError.
+
+    JSON of one scan: the result of :func:`judge_scan`; of several: ``scans``, a list of results, in the order given.
+    """
     from ....model.common.files.json_file import write_json
     from ....model.evaluation.command import names_of
     from ....model.evaluation.report import check_output, save_picture
     from ....model.network.weights_folder import weights_file
 
-    if len(options.data) > 1:
-        raise InputError("one scan at a time can be evaluated", file=options.data[1], remedy="evaluate the others separately")
+    if options.plot and len(options.data) > 1:
+        raise InputError(f"for one scan, but {len(options.data)} are given", option="--plot", value=options.plot,
+                         remedy="omit it")
+    if missing := [path for path in options.data if not path.exists()]:
+        raise InputError("no such file", file=missing[0])
     if not all(0 < density <= 1 for density in options.densities) or not options.densities:
         raise InputError(f"--densities {' '.join(f'{d:g}' for d in options.densities)}: expected shares above 0 and at most 1")
     if options.views is not None and options.views < 1:
@@ -73,12 +80,15 @@ def run(options: argparse.Namespace) -> int:
     files = options.weights or [weights_file(DEFAULT, filtered=True)]
     from ....model.evaluation.heldout_report import format_withheld
 
-    result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
-                              views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None,
-                              workers=workers_of(options))
-    print(format_withheld(result))
+    results, rows = [], []
+    for path in options.data:
+        result, rows = judge_scan(path, names_of(files), densities=tuple(dict.fromkeys(options.densities)),
+                                  views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None,
+                                  workers=workers_of(options))
+        print(*([""] if results else []), format_withheld(result), sep="\n", flush=True)
+        results.append(result)
     if options.json:
-        write_json(options.json, result)
+        write_json(options.json, results[0] if len(results) == 1 else {"scans": results})
     if options.plot:
         save_picture(np.concatenate(rows), options.plot)
     return 0
