@@ -3,6 +3,7 @@
 import base64
 import getpass
 import io
+import json
 import re
 import sys
 import zlib
@@ -25,7 +26,7 @@ from pointglass.viewer.work.viewpoint import Viewpoint
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 from cloud_files import E57Scan, write_e57
-from e57_photo_files import AWAY, BOX, hit, paint, panorama, room_points, turn, write_photos
+from e57_photo_files import AWAY, BOX, hit, paint, panorama, pinhole, room_points, turn, write_photos
 
 STANDS = np.array([[0.6, 0.4, 0.1], [-0.9, -0.5, 0.2]])
 """Of the scanner, room coordinates."""
@@ -68,6 +69,20 @@ def test_places_are_the_stations_and_notes_and_viewpoints_are_there(published):
     assert (out / "overview.html").is_file() and (out / "notes" / "000.picture.js").is_file()
 
 
+def walls(stand, camera):
+    """(SIDE, SIDE, 3): where a face's pixels meet the walls, room coordinates."""
+    column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
+    rays = np.stack([2 * column / SIDE - 1, 2 * row / SIDE - 1, np.ones_like(row)], -1) @ camera.view_rotation
+    return hit(stand, rays)
+
+
+def errors_of(published_face, at, renderer, camera):
+    """Mean difference from the painted walls, in levels: of a published face, and of its picture without photographs."""
+    shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(published_face))).convert("RGB"), float)
+    without = renderer.render(camera, Settings(view="filled", photos="off"), ("filled",)).image("filled")[..., :3]
+    return [np.abs(picture - paint(at)).mean() for picture in (shown, without.astype(float))]
+
+
 def test_depth_at_turned_stations_is_that_of_the_room_and_photographs_colour_it(published, renderer_of):
     out, scans = published
     renderer = renderer_of(open_scene(scans))
@@ -79,17 +94,34 @@ def test_depth_at_turned_stations_is_that_of_the_room_and_photographs_colour_it(
         pictures = value_of(out / "places" / f"{number:03d}.full.js")["pictures"]
         errors = []
         for face, camera in enumerate(face_cameras(stand, SIDE)):
-            column, row = np.meshgrid(np.arange(SIDE) + 0.5, np.arange(SIDE) + 0.5)
-            rays = np.stack([2 * column / SIDE - 1, 2 * row / SIDE - 1, np.ones_like(row)], -1) @ camera.view_rotation
-            at = hit(stand, rays)
+            at = walls(stand, camera)
             error = np.abs(depth[face] - (at - stand) @ camera.forward)[measured[face]]
             assert measured[face].any() and np.quantile(error, 0.9) < 0.02
-            shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(pictures[face]))).convert("RGB"), float)
-            off = Settings(view="filled", photos="off")
-            without = renderer.render(face_cameras(stand + AWAY, SIDE)[face], off, ("filled",)).image("filled")[..., :3]
-            errors.append([np.abs(picture - paint(at)).mean() for picture in (shown, without.astype(float))])
+            errors.append(errors_of(pictures[face], at, renderer, face_cameras(stand + AWAY, SIDE)[face]))
         with_photographs, without = np.mean(errors, axis=0)
         assert with_photographs < 0.85 * without
+
+
+def test_photographs_of_a_folder_colour_what_they_show(published, renderer_of, tmp_path):
+    """One that looks along the first face, from the place itself."""
+    _, (scan, _) = published
+    stand = np.array([0.2, 0.1, 0.3])
+    photo, pose = pinhole(stand, 0.0, size=(SIDE, SIDE), fl=SIDE / 2), np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn(0.0)[0], photo.translation
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    (taken / "here.png").write_bytes(photo.blobs["pngImage"])
+    frame = {"file_path": "here.png", "w": SIDE, "h": SIDE, "fl_x": SIDE / 2, "transform_matrix": pose.tolist()}
+    (taken / "transforms.json").write_text(json.dumps({"frames": [frame]}))
+    done = publish(scan, "--photos", taken, "--at", taken / "transforms.json", "--view", "filled", "--second", "none",
+                   "--size", SIDE, "--out", tmp_path / "site")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    pictures, renderer = value_of(tmp_path / "site" / "places" / "000.full.js")["pictures"], renderer_of(open_scene([scan]))
+    errors = [errors_of(picture, walls(stand, camera), renderer, there) for picture, camera, there in
+              zip(pictures, face_cameras(stand, SIDE), face_cameras(stand + AWAY, SIDE), strict=True)]  # fmt: skip
+    print(np.round(errors, 2))
+    with_photograph, without = errors[0]
+    assert with_photograph < 0.7 * without
 
 
 def unpacked(value):
