@@ -100,7 +100,7 @@ def test_evaluate_takes_potree_and_ept_folders_for_scans(tmp_path):
 
 
 @pytest.mark.parametrize("address", [
-    "https://host.org/tiles/ept.json", "gs://bucket/a/ept.json", "az://container/a.e57", "ftp://host/a.las",
+    "gs://bucket/a/ept.json", "az://container/a.e57", "ftp://host/a.las",
     "/vsis3/bucket/a.laz", "/vsicurl/https://host.org/a.laz", "file:///data/a.laz",
 ])  # fmt: skip
 @pytest.mark.parametrize("command", [["info"], [], ["convert", "--out", "{}/out"], ["export", "--out", "{}/o.las"],
