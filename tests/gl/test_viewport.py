@@ -1,5 +1,6 @@
 """The window's viewport on an asynchronous GPU: the cost of a moving picture is reported with the next picture."""
 
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
 from pointglass.viewer.window.planning.picture_plan import Plan
+from pointglass.viewer.window.planning.window_area import WindowArea
 from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.window.viewport.viewport import Viewport
 
@@ -39,7 +41,7 @@ class Told:
         self.flight, self.work = SimpleNamespace(moving=True), DocumentState()
         self.picture = SimpleNamespace(contended=False, dirty=False, spec=None, adaptive_lod=SimpleNamespace(target_ms=None))
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
-        self.area = SimpleNamespace(size=SIZES[0], window_size=SIZES[0], origin=(0, 0))
+        self.area = WindowArea(SIZES[0], time.monotonic)
         self.screen = SimpleNamespace(exact=False, full_plan=Plan(("filled",), None), plan=None)
 
     @property
@@ -59,6 +61,7 @@ class Told:
         angle = 0.3 + 0.1 * self.number
         ahead = self.eye + (np.cos(angle), np.sin(angle), -0.1)
         self.camera = from_fov(*SIZES[self.number % len(SIZES)], 60.0, look_at(self.eye, ahead))
+        self.screen.camera = self.camera
         self.screen.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
 
     def shown(self, plan, *, hides, approximations):

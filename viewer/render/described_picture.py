@@ -141,7 +141,8 @@ class Composer:
             tint = lock = False  # of the frame before they were asked for
         return (tint, lock) if needs(spec.edits.look, view, tint=tint, lock=lock) else None
 
-    def release(self) -> None:
+    def forget(self) -> None:
+        """Releases the textures of the last pictures; they are made again when they are needed."""
         for developer in self._developers.values():
             developer.release()
         self._developers.clear()
@@ -149,4 +150,7 @@ class Composer:
         if self._meshes is not None:
             self._meshes.release()
             self._meshes = None
+
+    def release(self) -> None:
+        self.forget()
         self._programs.release()

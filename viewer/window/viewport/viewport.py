@@ -120,13 +120,13 @@ class Viewport:
         return Renderer(self.context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
 
     def _forget(self, renderer: "Renderer | None") -> None:
-        """Uses another renderer, which has made no picture yet."""
-        self.renderer, self.frame, self._unreported, self._problem = renderer, None, None, None
-        self._shown = self._asked = ()
-        self.photos.clear()
-        for part in (self.sides, self.moved, self.pixels, self._points):
+        """Uses another renderer, which has made no picture yet.  No texture of the last pictures is kept."""
+        self.renderer, self._shown, self._asked = renderer, (), ()
+        self.frame = self._moved_frame = self._unreported = self._problem = None
+        for owner in (self.photos, self.sides, self.moved):
+            owner.release()
+        for part in (self._composer, self.pixels, self._points):
             part.forget()
-        self._moved_frame = None
 
     def clear(self) -> None:
         """Releases the scene; the canvas shows the background."""
