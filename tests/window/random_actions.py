@@ -63,12 +63,14 @@ def in_use() -> float | None:
 
 
 def gl_objects(d: Driver) -> dict[str, int]:
-    """How many objects of each kind exist in the window's context."""
+    """How many objects of each kind exist in the window's context, without the pictures of recent scans: every project that is
+    saved adds one, up to a dozen."""
     counts = {}
     for kind in OBJECTS:
         address = ctypes.cast(d.glfw.get_proc_address(f"glIs{kind}"), ctypes.c_void_p).value
         exists = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
         counts[kind] = sum(map(exists, range(1, MOST_NAMES)))
+    counts["Texture"] -= sum(texture is not None for texture in d.app.start_page._textures)
     return counts
 
 
@@ -298,6 +300,7 @@ def main(folder: Path, count: int, seed: int, scan: Path) -> None:
     from pointglass.viewer.commands import demo
 
     demo.demo_scan = lambda: scan
+    os.chdir(folder)  # projects are saved beside the scans
     d = Driver(folder)
     monkey = Monkey(d, seed)
     report: dict = {"actions": 0, "counted": [], "problem": None}
