@@ -124,6 +124,10 @@ def test_a_page_opened_as_a_file_measures_walks_and_asks_for_nothing(tmp_path, s
         page.until("window.pointglass.view.index === 1 && location.hash.startsWith('#place=2')")
         assert page.value("document.getElementById('place').textContent").startswith("</script>")
         assert page.value("document.querySelectorAll('#lists img, #overlay img, header img').length") == 0
+        listed = "[...document.querySelectorAll('#lists h2')].map((each) => each.textContent)"
+        assert page.value(f"{listed}[0]") == "Places" and "Viewpoints" not in page.value(listed)  # they are the places
+        page.value("document.querySelectorAll('#lists [data-place]')[1].click()")
+        page.until("(({ pitch, fov }) => Math.hypot(pitch + Math.atan(0.2), fov - 60) < 1e-3)(window.pointglass.view)")
         for shown in ("document.querySelector('#lists .given')", "document.querySelectorAll('.note')[1]"):
             page.value(f"{shown}.click()")
         page.until("document.querySelectorAll('#note-picture:not([hidden]), .length.project').length === 2")

@@ -1,8 +1,10 @@
 // The list beside the picture: places, viewpoints, notes, measurements.
 
 import type { Measuring } from "./measure";
+import type { ViewpointData } from "./scene";
 import type { View } from "./view";
 
+const AT_PLACE = 0.001; // metres from a place within which a viewpoint of the same name is that place
 const HERE = "Measured here";
 
 export class Panel {
@@ -10,14 +12,18 @@ export class Panel {
 
   constructor(private readonly view: View, private readonly measuring: Measuring, private readonly root: HTMLElement) {
     const { scene } = view;
-    this.list("Places", scene.places.map((place, index) => ({ text: place.name, act: () => void view.go(index), place: index })));
-    this.list("Viewpoints", scene.viewpoints.map((point) => ({
-      text: point.name,
-      act: () => {
-        const radians = Math.PI / 180;
-        void view.go(point.place, { yaw: point.yaw * radians, pitch: point.pitch * radians, fov: point.fov });
-      },
-    })));
+    const look = ({ place, yaw, pitch, fov }: ViewpointData) => () => {
+      const radians = Math.PI / 180;
+      void view.go(place, { yaw: yaw * radians, pitch: pitch * radians, fov });
+    };
+    // A place that was made from a viewpoint is listed once: its entry also turns as the viewpoint looks.
+    const own = scene.places.map(({ name }, index) =>
+      scene.viewpoints.find((point) => point.place === index && point.name === name && point.away < AT_PLACE * scene.metre));
+    this.list("Places", scene.places.map(({ name }, index) => {
+      const viewpoint = own[index];
+      return { text: name, act: viewpoint ? look(viewpoint) : () => void view.go(index), place: index };
+    }));
+    this.list("Viewpoints", scene.viewpoints.filter((point) => !own.includes(point)).map((point) => ({ text: point.name, act: look(point) })));
     this.list("Notes", scene.notes.map((note, index) => ({ text: note.title, act: () => this.openNote(index), colour: note.colour })));
     this.given();
     view.arrived.push(() => this.mark());
