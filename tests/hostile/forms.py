@@ -36,6 +36,7 @@ def edited(name: str, data: bytes, rng: random.Random) -> bytes:
         ".ply": scan_forms.ply,
         ".pcd": scan_forms.pcd,
         ".spz": scan_forms.spz,
+        ".glb": scan_forms.glb,
         ".png": _png,
         ".npy": _npy,
         ".gz": _gzip,

@@ -1,4 +1,4 @@
-"""Edits of scan files by their form: LAS, E57, PLY, PCD."""
+"""Edits of scan files by their form: LAS, E57, PLY, PCD, SPZ, GLB."""
 
 import gzip
 import random
@@ -8,7 +8,7 @@ import zlib
 from functools import lru_cache
 
 from .checksums import crc32c
-from .edits import WORDS, edited_bytes, edited_text, put_number
+from .edits import WORDS, edited_bytes, edited_json, edited_text, put_number
 
 # ---- LAS, LAZ
 _LAS = (
@@ -188,3 +188,20 @@ def spz(data: bytes, rng: random.Random) -> bytes:
     else:
         out = bytearray(edited_bytes(bytes(out), rng))
     return gzip.compress(bytes(out), 1, mtime=0) if packed else bytes(out)
+
+
+# ---- GLB: a description of JSON, and a buffer
+def glb(data: bytes, rng: random.Random) -> bytes:
+    """Edits the description, and its length fits afterwards; or the buffer; or the heads of both."""
+    size = struct.unpack_from("<I", data, 12)[0]
+    begin, end = 20, 20 + size
+    if rng.random() < 0.75:
+        text = edited_json(data[begin:end], rng)
+        text += b" " * (-len(text) % 4)
+        rest = data[end:]
+        return data[:8] + struct.pack("<II", 20 + len(text) + len(rest), len(text)) + data[16:20] + text + rest
+    if rng.random() < 0.5:
+        return data[: end + 8] + edited_bytes(data[end + 8 :], rng)
+    out = bytearray(data)
+    put_number(out, rng.choice((4, 8, 12, 16, end, end + 4)), "I", rng)
+    return bytes(out)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))  # the makers of files
+sys.path.insert(1, str(Path(__file__).resolve().parents[1] / "unit" / "readers"))
 
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
@@ -132,6 +133,14 @@ def _spz(path: Path, version: int, degree: int = 0) -> None:
     path.write_bytes(head + struct.pack("<I12x", 32) + table + b"".join(frames))
 
 
+def _glb_splats(path: Path) -> None:
+    """Gaussian splats in two nodes of a binary glTF."""
+    from test_splat_glb import glb, splats
+
+    document, binary, _ = splats(np.random.default_rng(4))
+    path.write_bytes(glb(document, binary))
+
+
 def texts() -> dict[str, bytes]:
     points = some(POINTS)
     plain, coloured = text_rows([points.xyz]), text_rows([points.xyz, points.rgb])
@@ -168,6 +177,7 @@ ONE_FILE: dict[str, dict[str, Callable[[Path], object]]] = {
         "d.pcd": lambda p: write_pcd(p, some(POINTS), "binary_compressed", packed=None, pad=True),
     },
     "spz": {f"{version}.spz": lambda p, version=version: _spz(p, version, version % 3) for version in (1, 2, 3, 4)},
+    "glb": {"splats.glb": _glb_splats},
     "ptx": {"a.ptx": lambda p: write_ptx(p, [PtxScan(some(20)), PtxScan(some(20, 1), empty=3)])},
 }
 FOLDERS: dict[str, dict[str, Callable[[Path], object]]] = {
