@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
@@ -20,8 +21,19 @@ _threads: list[int] = []
 _most: list[int] = []
 """The limit that :func:`limit_processors` has set."""
 _sharing: list[int] = [1]
-_pools: dict[int, ThreadPoolExecutor] = {}
-"""Threads of :func:`everywhere`, :func:`each` and :func:`in_rows`, by their number."""
+
+
+class _Pools(threading.local):
+    """Threads of :func:`everywhere`, :func:`each` and :func:`in_rows`, by their number.
+
+    Each calling thread has its own: in a common queue the window's picture waited for seconds behind the rows of a background
+    job, and the threads had the priority of whichever thread had called first.  They end with the thread that called."""
+
+    def __init__(self) -> None:
+        self.made: dict[int, ThreadPoolExecutor] = {}
+
+
+_pools = _Pools()
 
 
 def usable_processors() -> int:
@@ -52,13 +64,14 @@ def _usable_threads() -> int:
     return _threads[0] if _threads else usable_processors()
 
 
-after_fork_in_child(_pools.clear)  # a child has none of its parent's threads
+after_fork_in_child(lambda: _pools.made.clear())  # a child has none of its parent's threads
 
 
 def _pool(threads: int) -> ThreadPoolExecutor:
-    if threads not in _pools:
-        _pools[threads] = ThreadPoolExecutor(threads, "loops")
-    return _pools[threads]
+    made = _pools.made
+    if threads not in made:
+        made[threads] = ThreadPoolExecutor(threads, "loops")
+    return made[threads]
 
 
 def _finish(calls: list[Future]) -> None:

@@ -1,13 +1,16 @@
 """Distances between two scans: loops equal to their references, and changes of known size found within what is stated."""
 
+import itertools
+
 import numpy as np
 import pytest
 from synthetic_pipes import frame
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.dates.date_comparison import COMPARE_METHODS
+from pointglass.viewer.work.comparing import point_cells
 from pointglass.viewer.work.comparing.cloud_scale import CloudScale, scale_of, sizes_for
-from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare
+from pointglass.viewer.work.comparing.compare import METHODS, Distances, compare, core_points
 from pointglass.viewer.work.comparing.distance_statistics import statistics_of
 from pointglass.viewer.work.comparing.facing import facing_of
 from pointglass.viewer.work.comparing.m3c2_kernels import m3c2_at, quantile95
@@ -244,3 +247,17 @@ def test_the_colours_end_beyond_a_change_of_a_few_points(seed):
     distance = random.normal(0, 0.0005, 100_000)
     distance[:1000] += 0.04
     assert 0.04 < statistics_of(distance, np.full(len(distance), 0.001)).limit < 0.1
+
+
+def test_core_points_are_the_nearest_to_the_mean_of_their_cell_whatever_the_blocks(seed, monkeypatch):
+    random = np.random.default_rng(seed)
+    xyz = random.uniform(0, 1, (3000, 3))
+    xyz[:900] *= 0.1  # cells with more points than a block
+    cells = point_cells.cells_of(xyz, 0.1)
+    expected = []
+    for begin, end in itertools.pairwise(cells.first):
+        inside = cells.points[begin:end]
+        expected.append(begin + ((inside - inside.mean(axis=0)) ** 2).sum(axis=1).argmin())
+    for block in (1, 64, 1000, 1 << 17):
+        monkeypatch.setattr(point_cells, "_BLOCK", block)
+        assert core_points(cells).tolist() == expected

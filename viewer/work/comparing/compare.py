@@ -24,7 +24,9 @@ METHODS = {"m3c2": "means of both scans in a cylinder along the local normal",
            "c2c": "each point to the local plane of the other scan"}  # fmt: skip
 """Method -> what it compares."""
 _BLOCK = 1 << 17
-"""Points or core points between two looks at progress: about 0.2 s of two processors."""
+"""Points between two looks at progress: about 0.2 s of two processors."""
+_CORE_BLOCK = 1 << 14
+"""Core points between two looks at progress, as long."""
 _LEAST_ROWS = 1 << 10
 """A thread takes at least: some 2 ms."""
 _FEWEST = 100
@@ -92,12 +94,16 @@ def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: st
 
 def core_points(cells: Cells) -> np.ndarray:
     """(c,) int64: of each cell the number, among the sorted points, of the one nearest to their mean."""
-    counts = np.diff(cells.first)
-    mean = np.add.reduceat(cells.points, cells.first[:-1]) / counts[:, None]
-    away = ((cells.points - np.repeat(mean, counts, axis=0)) ** 2).sum(axis=1)
-    least = np.repeat(np.minimum.reduceat(away, cells.first[:-1]), counts)
-    hit = np.flatnonzero(away <= least)
-    return hit[np.searchsorted(hit, cells.first[:-1])]
+    found = np.empty(len(cells.keys), np.int64)
+    for some in cells.in_blocks():
+        begin, end = cells.first[some.start], cells.first[some.stop]
+        first, counts, points = cells.first[some] - begin, cells.counts(some), cells.points[begin:end]
+        mean = np.add.reduceat(points, first) / counts[:, None]
+        away = ((points - np.repeat(mean, counts, axis=0)) ** 2).sum(axis=1)
+        least = np.repeat(np.minimum.reduceat(away, first), counts)
+        hit = np.flatnonzero(away <= least)
+        found[some] = begin + hit[np.searchsorted(hit, first)]
+    return found
 
 
 def _m3c2(before: Cells, after: Cells, sizes: Sizes, scales: list[CloudScale], low: np.ndarray, facing: Facing,
@@ -116,11 +122,12 @@ def _m3c2(before: Cells, after: Cells, sizes: Sizes, scales: list[CloudScale], l
         stations = None if station is None else station[after.order[core[some]]]
         distance[some] *= facing.signs(normals, places[some] + low, stations)
 
-    _in_blocks(len(core), "comparing", block)
-    counts = np.diff(after.first)
+    _in_blocks(len(core), _CORE_BLOCK, block)
     results = np.empty(len(after.points)), np.empty(len(after.points))
-    for values, result in zip((distance, uncertainty), results):
-        result[after.order] = np.repeat(values, counts)
+    for some in after.in_blocks():
+        rows, counts = after.order[after.first[some.start] : after.first[some.stop]], after.counts(some)
+        for values, result in zip((distance, uncertainty), results):
+            result[rows] = np.repeat(values[some], counts)
     return *results, len(core)
 
 
@@ -139,13 +146,13 @@ def _c2c(before: Cells, after: Cells, sizes: Sizes, scales: list[CloudScale], lo
         found *= facing.signs(normals, after.points[some] + low, None if station is None else station[rows])
         distance[rows], uncertainty[rows] = found, COVERAGE * np.sqrt(variance)
 
-    _in_blocks(len(after.points), "comparing", block)
+    _in_blocks(len(after.points), _BLOCK, block)
     return distance, uncertainty, len(after.points)
 
 
-def _in_blocks(count: int, label: str, block: Callable[[slice], None]) -> None:
-    with progress(count, label, "point") as meter:
-        for start in range(0, count, _BLOCK):
-            stop = min(start + _BLOCK, count)
+def _in_blocks(count: int, size: int, block: Callable[[slice], None]) -> None:
+    with progress(count, "comparing", "point") as meter:
+        for start in range(0, count, size):
+            stop = min(start + size, count)
             block(slice(start, stop))
             meter.update(stop - start)

@@ -3,7 +3,9 @@
 Frame: both clouds of a comparison are moved by one offset, so that coordinates are small and positive; float64, file units.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,6 +15,8 @@ from .cell_search import AXIS_BITS, cell_keys, fill_table, gathered, runs
 
 _LEAST_ROWS = 1 << 16
 """Points a thread takes at least: some 2 ms of work."""
+_BLOCK = 1 << 17
+"""Points of a block of cells: ``np.repeat`` keeps the interpreter's lock, for some 5 ms of so many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,16 @@ class Cells:
         """The arguments of loops that search these cells, from ``side`` on."""
         return (self.side, self.sizes, self.points, self.keys, self.first, self.table, self.blocks, self.block_first,
                 self.block_table)  # fmt: skip
+
+    def in_blocks(self) -> Iterator[slice]:
+        """All cells, in slices of about _BLOCK points, or of one cell that has more."""
+        starts = np.searchsorted(self.first[:-1], np.arange(0, len(self.points), _BLOCK))
+        edges = np.unique([*starts, len(self.keys)]).tolist()
+        return (slice(a, b) for a, b in pairwise(edges))
+
+    def counts(self, some: slice) -> np.ndarray:
+        """(c,) int64: points of each of some cells."""
+        return np.diff(self.first[some.start : some.stop + 1])
 
     def around(self, place: np.ndarray, reach: int = 1) -> np.ndarray:
         """(m, 3) the points in the cell of a place and those up to ``reach`` cells away."""
