@@ -49,7 +49,7 @@ def scans(seed, tmp_path):
 
 
 def table(path) -> dict[str, dict[str, str]]:
-    with path.open(newline="") as file:
+    with path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.DictReader(file))
     return {kind: {row["name"]: row["value"] for row in rows if row["table"] == kind} for kind in ("comparison", "statistic")}
 
@@ -195,13 +195,15 @@ def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsy
     before[:2, 2] += 20
     after[:, 2] += 10
     out = tmp_path / "out"
-    assert main(["compare", write_las(tmp_path / "b.las", before), write_las(tmp_path / "a.las", after), "--out", str(out),
-                 "--method", method]) == 0
+    assert main(["compare", write_las(tmp_path / "Büro.las", before), write_las(tmp_path / "a.las", after), "--out",
+                 str(out), "--method", method]) == 0
     said = capsys.readouterr().out
     assert "0 points compared, 4,000 without a counterpart" in said
     assert "100 % of the points have no counterpart: another place, another unit, or not aligned?" in said
     assert np.isnan(laspy.read(out / "distances.laz").distance).all()
+    assert (out / "distances.csv").read_bytes().startswith(b"\xef\xbb\xbf"), "spreadsheets take the name for Latin letters"
     assert table(out / "distances.csv")["statistic"]["share without counterpart"] == "1"
+    assert table(out / "distances.csv")["comparison"]["before"].endswith("Büro.las")
     with Image.open(out / "distances.png") as picture:
         assert picture.size == (1920, 1200)
 

@@ -10,18 +10,24 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from dated_scans import dates_in_colour
 from documents import random_note
 from PIL import Image
 
 from pointglass.viewer.cli import main
+from pointglass.viewer.commands.report import report_job
 from pointglass.viewer.commands.report.pages import WIDTH, Pages, line_width, wrapped
 from pointglass.viewer.commands.report.report_pdf import Wording, picture_count, report_pages
 from pointglass.viewer.commands.report.view_pictures import in_sight, view_of
 from pointglass.viewer.commands.section.sheet_text import text_width
+from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.camera import look_at
 from pointglass.viewer.picture.clip import vector
+from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
+from pointglass.viewer.work.comparing.distance_statistics import BINS
+from pointglass.viewer.work.comparing.scene_changes import keys_of
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.notes.annotation import Annotation
@@ -137,6 +143,25 @@ def test_the_command_writes_pages_issues_and_a_table(project, tmp_path, capsys):
     assert sum(name.endswith("p.jpg") for name in archive.namelist()) == 1
     assert main(["report", str(project), "--out", str(tmp_path / "r.csv"), *folder]) == 0
     assert [row["text"] for row in csv.DictReader((tmp_path / "r.csv").open())] == ["Crack", "unseen"]
+
+
+def test_the_report_of_a_comparison_has_the_histogram_of_its_distances(tmp_path, seed, monkeypatch):
+    scans = dates_in_colour(tmp_path, seed, 12_000)
+    earlier, later = keys_of(open_scene(scans, cache=False))
+    comparison = DateComparison(earlier, later, limit=0.6)
+    document = Document(tuple(map(ScanFile, map(str, scans))), settings=Settings(view="filtered"), comparison=comparison,
+                        view=view("last view", (1.0, 1.2, 2.6), (2.0, 2.5, 1.0)))  # fmt: skip
+    pages = []
+    monkeypatch.setattr(report_job, "write_figures", lambda out, figures: pages.append([figure for figure, _ in figures]))
+    for shown in ("change", "after"):
+        write_project(tmp_path / "p.pointglass", replace(document, comparison=replace(comparison, shown=shown)))
+        assert main(["report", str(tmp_path / "p.pointglass"), "--out", str(tmp_path / "r.pdf"), "--no-cache"]) == 0
+    of_change, of_one = map(written, pages)
+    assert "after.xyz, compared with before.xyz" in of_change and "changed by more than" in of_change
+    (bars,) = [axes.patches for figure in pages[0] for axes in figure.axes if len(axes.patches) == BINS]
+    rose = [bar.get_height() for bar in bars if bar.get_x() > 0.3]
+    assert sum(bar.get_height() for bar in bars) == pytest.approx(100) and 3 < sum(rose) < 8, "a sixteenth rose by 0.5"
+    assert "Comparison" not in of_one, "one date alone has no distances"
 
 
 @pytest.mark.parametrize(("options", "told"), [

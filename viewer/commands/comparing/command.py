@@ -21,6 +21,7 @@ from ...work.measuring.measure_text import unit_name
 from ...work.project import moves_of, read_project
 from ..options import add_columns
 from . import distances_csv, distances_laz, distances_picture
+from .distance_histogram import shown_unit
 from .read_cloud import Cloud, check_together, moves_in, opened, read_cloud
 from .scan_and_model import compared_with_model, layer_of, model_among, read_model
 
@@ -118,7 +119,7 @@ def compared(before: Cloud, after: Cloud, *, method: str, registration: float) -
 
 def report_lines(distances: Distances, found: Statistics, unit: str) -> list[str]:
     """What is printed: counts, the median change, and what is changed for certain."""
-    factor, shown = distances_picture.shown_unit(found.limit, unit)
+    factor, shown = shown_unit(found.limit, unit)
     lines = [f"{counted(found.known, 'point')} compared, {found.count - found.known:,} without a counterpart"]
     if found.known:
         lines.append(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "

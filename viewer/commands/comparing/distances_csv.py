@@ -4,8 +4,10 @@ Columns: table (comparison, statistic or histogram), name, from, to, value, unit
 """
 
 import csv
+import io
 from pathlib import Path
 
+from ...common.text import table_bytes
 from ...work.comparing.compare import Distances
 from ...work.comparing.distance_statistics import QUANTILES, Statistics
 from ...work.comparing.facing import TEXTS
@@ -17,10 +19,11 @@ Row = tuple[str, str, object, object, object, str]
 
 def write_csv(path: Path, before: Cloud, after: Cloud, distances: Distances, found: Statistics, unit: str) -> None:
     """unit: of both scans, a name."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("table", "name", "from", "to", "value", "unit"))
-        writer.writerows(tuple(_text(value) for value in row) for row in rows_of(before, after, distances, found, unit))
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(("table", "name", "from", "to", "value", "unit"))
+    writer.writerows(tuple(_text(value) for value in row) for row in rows_of(before, after, distances, found, unit))
+    path.write_bytes(table_bytes(out.getvalue()))
 
 
 def rows_of(before: Cloud, after: Cloud, distances: Distances, found: Statistics, unit: str) -> list[Row]:

@@ -9,10 +9,11 @@ from ...common.fonts import families
 from ...common.progress import progress
 from ...common.text import counted
 from ...work.comparing.compare import Distances
-from ...work.comparing.distance_statistics import NO_COUNTERPART, RAMP, Statistics
+from ...work.comparing.distance_statistics import NO_COUNTERPART, Statistics
 from ...work.comparing.facing import TEXTS
 from ...work.comparing.model_distances import METHOD
 from .change_map import VIEWS, change_map
+from .distance_histogram import draw_histogram, shown_unit
 from .read_cloud import Cloud
 
 if TYPE_CHECKING:
@@ -38,15 +39,10 @@ def write_picture(path: Path, before: Cloud, after: Cloud, distances: Distances,
     with progress(len(VIEWS) + 1, f"drawing {NAME}") as meter:
         _maps(figure, after, distances, found, meter)
         of = "distance from the model" if distances.method == METHOD else "distance after - before"
-        _histogram(figure.add_axes((0.69, 0.49, 0.285, 0.36)), found, factor, f"{of}, {shown}")
+        draw_histogram(figure.add_axes((0.69, 0.49, 0.285, 0.36)), found, factor, f"{of}, {shown}")
         meter.update(1)
     _texts(figure, before, after, distances, found, factor, shown)
     figure.savefig(path, format="png", dpi=_DPI)
-
-
-def shown_unit(limit: float, unit: str) -> tuple[float, str]:
-    """Factor and unit in which distances are shown: millimetres for metres where the limit is below 0.1 m."""
-    return (1000.0, "mm") if unit == "m" and limit < 0.1 else (1.0, unit)
 
 
 def _maps(figure: "Figure", after: Cloud, distances: Distances, found: Statistics, meter: Any) -> None:
@@ -64,35 +60,6 @@ def _maps(figure: "Figure", after: Cloud, distances: Distances, found: Statistic
         for spine in page.spines.values():
             spine.set_color("#c9cdd2")
         meter.update(1)
-
-
-def _histogram(page: Any, found: Statistics, factor: float, title: str) -> None:
-    """Bars in the colours of the maps, the share of each; dashed: the median uncertainty.  title: what is shown and its
-    unit."""
-    from matplotlib.colors import LinearSegmentedColormap
-
-    colours = LinearSegmentedColormap.from_list("distance", RAMP / 255)
-    edges, total = found.edges * factor, max(found.known, 1)
-    middles = (edges[:-1] + edges[1:]) / 2
-    share = 100 * found.bins[1:-1] / total
-    page.bar(middles, share, width=np.diff(edges), color=colours((middles / edges[-1] + 1) / 2), edgecolor="#9aa0a6",
-             linewidth=0.4)  # fmt: skip
-    if np.isfinite(found.uncertainty):
-        for side in (-1, 1):
-            page.axvline(side * found.uncertainty * factor, color=_INK, linestyle=(0, (4, 3)), linewidth=0.9)
-    page.set_xlim(edges[0], edges[-1])
-    page.set_ylim(0, max(float(share.max(initial=0.0)) * 1.08, 1.0))
-    page.set_xlabel(title, fontsize=9, color=_INK)
-    page.set_ylabel("points with a distance, %", fontsize=9, color=_INK)
-    page.tick_params(labelsize=8, colors=_QUIET)
-    for side in ("top", "right"):
-        page.spines[side].set_visible(False)
-    bar = page.inset_axes((0, -0.29, 1, 0.05))
-    bar.imshow(colours(np.linspace(0, 1, 256))[None], aspect="auto", extent=(edges[0], edges[-1], 0, 1))
-    bar.set_yticks([])
-    ticks = [edges[0], edges[0] / 2, 0.0, edges[-1] / 2, edges[-1]]
-    bar.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    bar.tick_params(labelsize=8, colors=_QUIET)
 
 
 def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, found: Statistics, factor: float,

@@ -157,6 +157,14 @@ class Pages:
             left += width + 4.0
         self._y = top - tall - 1.0
 
+    def diagram(self, height: float, below: float) -> Any:
+        """Axes of matplotlib over most of the width.  height: mm, of these ``below`` for the texts under them."""
+        self.room(height)
+        self._y -= height
+        beside = 14.0  # numbers and name of the upright axis
+        return self.figures[-1].add_axes(((MARGIN + beside) / PAGE[0], (self._y + below) / PAGE[1], (WIDTH - beside) / PAGE[0],
+                                          (height - below) / PAGE[1]), zorder=3)  # fmt: skip
+
     def finished(self) -> list["Figure"]:
         """All pages, with their foot lines."""
         for number, figure in enumerate(self.figures, 1):

@@ -67,7 +67,7 @@ class ReportJob:
                 return counted(len(notes), "note")
             with progress(picture_count(document, self.views), "drawing the report", "picture") as meter:
                 figures = report_pages(self.scene, document, self.views, self.wording, pictures.picture, self.note,
-                                       lambda: meter.update(1))
+                                       lambda: meter.update(1), pictures.changes)
         finally:
             released(renderer)
         write_figures(self.out, [(figure, DPI) for figure in figures])

@@ -9,11 +9,13 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...common.text import coordinate, counted
+from ...work.comparing.distance_statistics import change_words
 from ...work.measuring.measure_text import unit_name, value_text
 from ...work.measuring.measurement import KINDS
 from ...work.notes.annotation import STATUSES, is_address, time_of
 from ...work.notes.attached_picture import attached_picture
 from ...work.viewpoint import Viewpoint
+from ..comparing.distance_histogram import draw_histogram, shown_unit
 from ..section.sheet import short_reference
 from .pages import FOOT_TEXT, WIDTH, Pages
 from .view_pictures import view_of
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...grid.scene import Scene
+    from ...picture.dates.date_comparison import DateComparison
+    from ...work.comparing.distance_statistics import Statistics
     from ...work.document import Document
     from ...work.notes.annotation import Annotation
 
@@ -30,6 +34,8 @@ Picture = Callable[[Viewpoint, "tuple[Annotation, ...]", tuple[int, ...]], np.nd
 _BESIDE = (104.0, 66.0)
 """Millimetres: width of a note's view where a picture is attached, and most of the attached one's width and height."""
 _ALONE = 126.0
+_HISTOGRAM = (66.0, 20.0)
+"""Millimetres: height of a comparison's histogram, and of the texts and the ramp below it."""
 _SHARPEST = 900
 """Pixels of an attached picture's longer side: 340 an inch."""
 
@@ -44,9 +50,10 @@ class Wording:
 
 
 def report_pages(scene: "Scene", document: "Document", views: Sequence[Viewpoint], wording: Wording, picture: Picture,
-                 problem: Callable[[str], object], done: Callable[[], object]) -> "list[Figure]":  # fmt: skip
+                 problem: Callable[[str], object], done: Callable[[], object],
+                 changes: "Statistics | None" = None) -> "list[Figure]":  # fmt: skip
     """The pages.  views: viewpoints to show.  problem: is told, in a line, what is left out.  done: called after each picture
-    (:func:`picture_count`)."""
+    (:func:`picture_count`).  changes: of the comparison that the document shows in colours."""
     pages = Pages(" · ".join(part for part in (wording.title, wording.author, wording.date, FOOT_TEXT) if part))
     notes = document.annotations
     numbers = tuple(range(len(notes)))
@@ -54,6 +61,8 @@ def report_pages(scene: "Scene", document: "Document", views: Sequence[Viewpoint
     if document.view is not None:
         pages.pictures([(picture(document.view, notes, numbers), WIDTH)])
         done()
+    if changes is not None and document.edits.comparison is not None:
+        _comparison(pages, document.edits.comparison, changes, unit_name(scene.meta.metres_per_unit))
     if views:
         pages.gap(4.0)
         pages.heading("Viewpoints", follows=130.0)
@@ -73,6 +82,22 @@ def report_pages(scene: "Scene", document: "Document", views: Sequence[Viewpoint
         pages.gap(4.0)
         _measurements(pages, document, unit_name(scene.meta.metres_per_unit))
     return pages.finished()
+
+
+def _comparison(pages: Pages, comparison: "DateComparison", found: "Statistics", unit: str) -> None:
+    """What was compared, what was found, and the histogram of the distances with their colours."""
+    pages.gap(4.0)
+    pages.heading("Comparison", follows=_HISTOGRAM[0] + 24.0)
+    pages.text(f"{comparison.after[0]}, compared with {comparison.before[0]}")
+    factor, shown = shown_unit(found.limit, unit)
+    if found.known:
+        pages.text(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "
+                   f"uncertainty ± {found.uncertainty * factor:.3g} {shown} (median, 95 %; dashed)", 9, quiet=True)
+    for line in change_words(found):
+        pages.text(line, 9, quiet=True)
+    pages.gap(2.0)
+    what = "distance from the model" if comparison.with_model else "distance after - before"
+    draw_histogram(pages.diagram(*_HISTOGRAM), found, factor, f"{what}, {shown}")
 
 
 def picture_count(document: "Document", views: Sequence[Viewpoint]) -> int:

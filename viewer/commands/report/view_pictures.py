@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ...picture.drawn_lines import Area
     from ...render.renderer import Renderer
+    from ...work.comparing.distance_statistics import Statistics
     from ...work.document import Document
     from ...work.notes.annotation import Annotation
     from ...work.pictures.picture_legend import Legend
@@ -65,13 +66,19 @@ class ViewPictures:
         picture, taken = self._drawn[key]
         return with_notes(picture, camera, notes, numbers, taken)
 
+    @property
+    def changes(self) -> "Statistics | None":
+        """Figures of the comparison whose distances colour the points; None where none does."""
+        shown = self._changes is not None and self._changes.levels.colours is not None
+        return self._changes.found if shown and self._changes is not None else None
+
     def _legend(self, camera: "Camera") -> "Legend | None":
         """Of the colours of points; None where they have their own."""
         if self._document.settings.view not in POINT_VIEWS:
             return None
-        if self._changes is not None and self._changes.levels.colours is not None:
+        if (changes := self.changes) is not None:
             comparison = self._edits.comparison
-            return change_legend(self._changes.found.limit, self._unit,
+            return change_legend(changes.limit, self._unit,
                                  with_model=comparison is not None and comparison.with_model)
         scene = self._renderer.scene
         return legend_of(self._edits, scene, self._unit, lambda: ends_of(self._edits, scene, camera))
