@@ -18,7 +18,7 @@ from pointglass.viewer.commands.publishing.data_scripts import comment_of, scrip
 from pointglass.viewer.commands.publishing.depth_codes import STEP, DepthScale, packed_depth, unpacked_depth
 from pointglass.viewer.commands.publishing.face_margins import BAND, blended, with_margin, without_margin
 from pointglass.viewer.commands.publishing.measured_data import measurements_data
-from pointglass.viewer.commands.publishing.plan_picture import storeys
+from pointglass.viewer.commands.publishing.plan_picture import plan_of, storeys
 from pointglass.viewer.work.measuring.measure_shapes import shapes_of
 from pointglass.viewer.work.measuring.measure_text import value_text
 from pointglass.viewer.work.measuring.measurement import KINDS
@@ -154,6 +154,17 @@ def test_feet_are_told_from_metres_by_the_height_of_rooms(seed):
     for unit in (1.0, FEET):
         walk = map_of(unit * points, unit * points.min(axis=0) - 1.0, 0.12 * unit, 1.0, 0.04 * unit)
         assert metre_of(walk) == unit
+
+
+def test_a_plan_ends_beside_the_walls_not_where_something_was_seen_through_a_window(seed):
+    rng = np.random.default_rng(seed)
+    walls, wall = rng.random((40_000, 3)) * (8, 6, 2.6), rng.integers(0, 4, 40_000)
+    walls[np.arange(len(walls)), wall % 2] = np.where(wall < 2, 0, np.where(wall % 2, 6, 8))
+    outside = rng.random((1_500, 3)) * (8, 4, 2.6) + (0, 6.1, 0)
+    points, places = np.concatenate([walls, outside]), np.array([[3.0, 2.0, 1.6], [5.0, 4.0, 1.6]])
+    for metre in (1.0, FEET):
+        plan = plan_of(points * metre, places * metre, 0.0, metre)
+        assert np.allclose(plan.low / metre, (-1, -1), atol=0.02) and np.allclose(plan.high / metre, (9, 7), atol=0.3)
 
 
 def test_storeys_are_told_by_their_floors():
