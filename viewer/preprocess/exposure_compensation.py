@@ -39,6 +39,8 @@ class ExposureCompensation:
         self._gains: np.ndarray | None = None
         self._passes: RunGains | None = None
         self._turns: dict[int, np.ndarray] = {}
+        self._sample: tuple[np.ndarray, ...] | None = None
+        self._alone: tuple[RunGains, dict[int, float]] | None = None
         self.black_borders: dict[int, float] = {}
         """After ``solve``, by source: the share of its points at a photograph's black border (preprocess.black_border)."""
 
@@ -82,38 +84,53 @@ class ExposureCompensation:
         numbers = np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)
         return numbers[np.searchsorted(turns, at, side="right")]
 
-    def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> tuple[ExposureSummary | None, RunSummary | None]:
-        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: as in ScanTable.
+    def prepare(self, shifts: list[int]) -> None:
+        """Does what of ``solve`` needs no turns, and finds the runs of a single station, which most often has none.  shifts: by
+        which bits each source's colours are shifted right to 8 bits."""
+        parts, self._parts = self._parts, []
+        if not parts:
+            return
+        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        del parts
+        shift = np.array([shifts[key[0]] for key in self._number], np.uint8)  # in the order of the stations' numbers
+        rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
+        self._sample = xyz, rgb, number, at
+        if len(self._number) == 1:
+            self._alone = self._runs(xyz, rgb, number, at)
+
+    def solve(self, turns: dict[int, np.ndarray]) -> tuple[ExposureSummary | None, RunSummary | None]:
+        """Ends pass 1, after ``prepare``.  turns: as in ScanTable.
 
         Returns what was found about stations, None for a single one, and about runs of points, None without colours.
         """
-        parts, self._parts = self._parts, []
-        if not parts:
+        sample, self._sample = self._sample, None
+        if sample is None:
             return None, None
-        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
-        del parts
+        xyz, rgb, number, at = sample
         for file, where in turns.items():
             if [key[0] for key in self._number].count(file) == 1:  # else the file itself distinguishes stations
                 mine = number == next(n for key, n in self._number.items() if key[0] == file)
                 self._turns[file] = where
                 number[mine] = self._turned(file, at[mine])
-        source = np.zeros(len(self._number), np.int64)
-        for key, station in self._number.items():
-            source[station] = key[0]
-        shift = np.array([shifts[file] for file in source], np.uint8)
-        rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
         self.stations = len(self._number)
         exposures = self._solve_stations(xyz, rgb, number) if 2 <= self.stations <= MOST_STATIONS else None
         if self._gains is not None:
             rgb = _multiplied(rgb, self._gains[number])
+        alone = self._alone if self._gains is None else None  # the same colours
+        passes, self.black_borders = alone or self._runs(xyz, rgb, number, at)
+        self._alone = None
+        self._passes = passes if passes.worthwhile else None
+        return exposures, RunSummary(passes.remaining, passes.worthwhile)
+
+    def _runs(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray, at: np.ndarray) -> tuple[RunGains, dict[int, float]]:
+        """The gains of runs, and ``black_borders``, of a sample whose stations have one brightness."""
+        source = np.array([key[0] for key in self._number])  # in the order of the stations' numbers
         with ThreadPoolExecutor(1, "borders") as pool:
             borders = {int(file): pool.submit(_border_share, xyz, rgb, None if len(source) == 1 else source[number] == file)
                        for file in np.unique(source)}  # fmt: skip
             lit = np.flatnonzero(brightest(rgb) >= DARK)  # darker points: missing colour, black borders, noise
             passes = solve_run_gains(xyz.take(lit, axis=0), rgb.take(lit, axis=0), at[lit])
-            self.black_borders = {file: share.result() for file, share in borders.items()}
-        self._passes = passes if passes.worthwhile else None
-        return exposures, RunSummary(passes.remaining, passes.worthwhile)
+            return passes, {file: share.result() for file, share in borders.items()}
 
     def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> ExposureSummary:
         found = exposures_of(xyz, rgb, number, sample=SAMPLE)

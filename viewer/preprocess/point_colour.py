@@ -100,6 +100,7 @@ class Colours:
         self._files = [_File(name) for name in self._names]
         self._compensation = ExposureCompensation()
         self._unlit: set[int] = set()
+        self._prepared = False
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
         """Counts the colours of a chunk of source number ``source``.  first: running number of its first point."""
@@ -119,15 +120,27 @@ class Colours:
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
+    def prepare(self) -> None:
+        """Does what of ``decide`` needs no knowledge of inferred stations, so that these can be found at the same time."""
+        self._prepared = True
+        if self._match:
+            with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
+                meter.update(0)
+                self._compensation.prepare([file.shift for file in self._files])
+                meter.update(0)
+
     def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> ColourDecision:
-        """Ends pass 1.  heights: range of the third axis that a height ramp spans.  turns: as in ScanTable."""
+        """Ends pass 1, ``prepare`` included.  heights: range of the third axis that a height ramp spans.  turns: as in
+        ScanTable."""
+        if not self._prepared:
+            self.prepare()
         warnings, kinds, bits = [], set(), 8
         exposures = passes = None
         lost = 0.0  # points without a colour, of those that were examined
         if self._match:
-            with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
+            with progress(0, "matching the brightness") as meter:
                 meter.update(0)
-                exposures, passes = self._compensation.solve([file.shift for file in self._files], turns)
+                exposures, passes = self._compensation.solve(turns)
                 meter.update(0)
             if self._compensation.stations > MOST_STATIONS:
                 warnings.append(f"exposures of {self._compensation.stations:,} stations or flight lines are not compensated: "

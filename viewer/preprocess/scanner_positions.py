@@ -45,10 +45,11 @@ class StationInference:
             self._source, self._stride = source, WINDOW
         at = first - self._first.setdefault(source, first)
         self._points[source] = at + len(chunk.xyz)
-        for start in range(-at % self._stride, len(chunk.xyz) - WINDOW + 1, self._stride):
-            window = np.array(chunk.xyz[start : start + WINDOW], np.float64)
-            if is_position(window).all():
-                self._kept.append((at + start, window))
+        starts = range(-at % self._stride, len(chunk.xyz) - WINDOW + 1, self._stride)
+        windows = [np.array(chunk.xyz[start : start + WINDOW], np.float64) for start in starts]
+        if windows:  # all are tested at once: one by one takes five times as long
+            usable = is_position(np.concatenate(windows)).reshape(-1, WINDOW).all(axis=1)
+            self._kept += [(at + starts[i], windows[i]) for i in np.flatnonzero(usable).tolist()]
         while len(self._kept) > 2 * MOST_STRETCHES:
             self._stride *= 2
             self._kept = [(place, window) for place, window in self._kept if place % self._stride == 0]

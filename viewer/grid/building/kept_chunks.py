@@ -73,7 +73,7 @@ class KeptChunks:
         counts = [source.count for source in self.sources]
         total = sum(c for c in counts if c is not None) if None not in counts else 0
         done = 0
-        with progress(total, label, unit=" points") as meter:
+        with progress(total, label, unit=" points") as meter, ThreadPoolExecutor(1, "keep") as keeper:
             for number, source in enumerate(self.sources):
                 stored = self._kept.get(number)
                 new: list[_Stored] | None = [] if stored is None and not self._refused[number] else None
@@ -81,9 +81,10 @@ class KeptChunks:
                 with closing(_prefetched(source, source.chunks() if stored is None else self._repeated(stored))) as chunks:
                     for chunk in chunks:
                         done += len(chunk.xyz)
-                        if new is not None and not self._keep(new, chunk, max(total, 2 * done)):
+                        keeping = keeper.submit(self._keep, new, chunk, max(total, 2 * done)) if new is not None else None
+                        yield number, chunk  # it is worked on while it is written
+                        if keeping is not None and not keeping.result():
                             self._held, self._refused[number], new = held, True, None
-                        yield number, chunk
                         meter.update(len(chunk.xyz) + chunk.invalid)
                 if new is not None:
                     self._kept[number] = new

@@ -141,7 +141,10 @@ def _count(kept: KeptChunks, colours: Colours | None) -> FirstPass:
     check_any_valid(sources, counts)
     scans, decision = stated_scans(sources), None
     if colours is not None:
-        scans = stations.solve()
+        with ThreadPoolExecutor(1, "stations") as pool:
+            found = pool.submit(stations.solve)
+            colours.prepare()
+            scans = found.result()
         decision = colours.decide(_height_range(counts), scans.turns)
     warnings = [ScanWarning(text) for text in (() if decision is None else decision.warnings)]
     return FirstPass(counts, scans, attributes.layout(), decision, warnings + clusters.warnings())
