@@ -1,6 +1,7 @@
 """``pointglass publish`` as a command: what the folder holds, against `render` and against a room whose distances are known."""
 
 import base64
+import contextlib
 import getpass
 import io
 import json
@@ -21,6 +22,8 @@ from pointglass.viewer.commands.publishing.coming_files import alone
 from pointglass.viewer.commands.publishing.cube_faces import FACES, face_cameras, render_place
 from pointglass.viewer.commands.publishing.depth_codes import DepthScale, unpacked_depth
 from pointglass.viewer.commands.publishing.face_margins import with_margin, without_margin
+from pointglass.viewer.commands.publishing.own_files import check_folder
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.background import composite
 from pointglass.viewer.picture.camera import from_fov, look_at
@@ -299,7 +302,28 @@ def test_several_files_have_an_index_page_that_leads_to_the_places(tmp_path):
 
 
 def test_a_folder_with_other_files_is_left_alone(published, tmp_path):
+    """Names do not tell: index.html and places are names of other people's pages, too."""
     _, scan, _ = published
-    (tmp_path / "thesis.txt").write_text("years of work")
+    (tmp_path / "places").mkdir()
+    (tmp_path / "places" / "holiday.txt").write_text("years of work")
+    (tmp_path / "index.html").write_text("<!doctype html><title>mine</title>")
     done = publish(scan, "--out", tmp_path)
-    assert done.returncode == 2 and "thesis.txt" in done.stderr and [file.name for file in tmp_path.iterdir()] == ["thesis.txt"]
+    assert done.returncode == 2 and "holds other files (index.html)" in done.stderr
+    assert sorted(file.name for file in tmp_path.rglob("*")) == ["holiday.txt", "index.html", "places"]
+
+
+@pytest.mark.parametrize(("other", "damaged"), [
+    ("thesis.txt", False), ("places/holiday.txt", False), ("places/more/000.first.js", False), ("places/.hidden", False),
+    ("coming/work.txt", False), ("index.html", False), ("scene.js", True), ("page.css", True), ("places/000.first.js", True),
+    ("coming/places/000.first.js", True),
+])  # fmt: skip
+def test_files_of_a_publication_are_told_from_others(published, tmp_path, other, damaged):
+    """damaged: beside our page it is one of ours that is damaged, and is made again; alone it may be anybody's."""
+    site, _, _ = published
+    shutil.copytree(site, tmp_path / "site")
+    check_folder(tmp_path / "site")
+    for out, refused in ((tmp_path / "empty", True), (tmp_path / "site", not damaged)):
+        (out / other).parent.mkdir(parents=True, exist_ok=True)
+        (out / other).write_text("years of work")
+        with pytest.raises(InputError, match="holds other files") if refused else contextlib.nullcontext():
+            check_folder(out)

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..commands.publishing.command import SIDES, second_view
+from ..commands.publishing.own_files import check_folder
 from ..commands.publishing.place_choice import parse_places
 from ..commands.publishing.places import chosen_places
-from ..commands.publishing.publication import Form, Publication, check_folder
+from ..commands.publishing.publication import Form, Publication
 from ..common.errors import InputError
 from ..common.text import with_whole_characters
 from ..picture.views import VIEWS

@@ -23,8 +23,8 @@ from ...common.files import out_folder
 from ...common.text import counted
 
 NAME = "coming"
-_COMPLETE = "complete.json"
-_BEFORE = "before"
+COMPLETE = "complete.json"
+BEFORE = "before"
 
 
 @dataclass(frozen=True)
@@ -83,18 +83,18 @@ class ComingFiles:
             if left_over.name not in kept:
                 _remove(left_over)
         complete = json.dumps(["places", *others])
-        write_atomic(self.folder / _COMPLETE, lambda path: path.write_text(complete))
+        write_atomic(self.folder / COMPLETE, lambda path: path.write_text(complete))
         self.finish()
 
     def finish(self) -> None:
         """Renames the files of a publication that is complete into ``out``; does nothing where none is."""
-        complete = self.folder / _COMPLETE
+        complete = self.folder / COMPLETE
         if not complete.is_file():
             return
         wanted = set(json.loads(complete.read_text()))
         with uninterrupted():
             for name in self.entries:
-                here, there, before = self.folder / name, self.out / name, self.folder / f"{_BEFORE}-{name}"
+                here, there, before = self.folder / name, self.out / name, self.folder / f"{BEFORE}-{name}"
                 if name in wanted and here.exists():
                     if there.exists():
                         _remove(before)

@@ -105,8 +105,9 @@ class _Places:
 
 def run(options: argparse.Namespace, settings: Settings) -> int:
     """The command.  Returns the exit code.  Raises PointglassError."""
+    from .own_files import check_folder
     from .places import chosen_places
-    from .publication import Form, Publication, check_folder
+    from .publication import Form, Publication
 
     wanted, workers = parse_places(options.at), workers_of(options)
     check_folder(options.out)

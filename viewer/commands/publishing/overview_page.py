@@ -105,6 +105,7 @@ def overview_page(scene: "Scene", title: str, *, edits: Edits | None = None, up:
     walk = '<p><a href="index.html">Panoramas</a>: the dots on the plan.</p>' if places else ""
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<meta name="generator" content="pointglass">
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
 <title>{_text(title)}</title><style>{_STYLE}</style></head><body><main>
 <h1>{_text(title)}</h1><p>{counted(len(files), "file")}, {scene.count:,} points</p>{walk}

@@ -28,7 +28,6 @@ import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
 from ... import __version__
-from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
 from ...common.workers.run_tasks import run_tasks
 from ...common.workers.worker_choice import Workers
@@ -36,12 +35,13 @@ from ...picture.edits import Edits
 from ...picture.json_values import to_json
 from ...picture.point_sets import NO_POINTS
 from ...picture.spec import PictureSpec
-from .coming_files import NAME, ComingFiles
+from .coming_files import ComingFiles
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
 from .depth_codes import packed_depth
 from .face_margins import BAND, MARGIN
 from .note_pictures import picture_scripts
+from .own_files import ENTRIES, OVERVIEW, PAGE_FILES, PARTS, check_folder
 from .scene_data import scene_data
 
 if TYPE_CHECKING:
@@ -54,10 +54,6 @@ if TYPE_CHECKING:
 
 PAGE = Path(__file__).parent / "page"
 """The page as it is copied; built from web/ by `make web`."""
-PAGE_FILES = ("page.css", "page.js", "index.html")
-OVERVIEW = "overview.html"
-ENTRIES = ("places", "notes", "scene.js", OVERVIEW, *PAGE_FILES)
-"""All that may be in the folder of a publication."""
 _FORMAT = 1
 """Of the data; a folder of another format is made anew."""
 _FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY = 86, 90, 70
@@ -65,7 +61,6 @@ _FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY = 86, 90, 70
 ones 625 kB at 512 pixels and 70."""
 FIRST_STRIDE = 2
 """The first depth has every second row and column of the full one: a quarter of its bytes, 350 kB (studio.laz, demo.laz)."""
-PARTS = ("first", "full", "depth", "second")
 
 
 @dataclass(frozen=True)
@@ -263,18 +258,6 @@ class _Overlapped:
             finally:
                 if before:
                     before.pop().result()
-
-
-def check_folder(out: Path) -> None:
-    """Raises InputError where something other than a publication is in the folder."""
-    if not out.exists():
-        return
-    if not out.is_dir():
-        raise InputError("a file has this name", file=out, remedy=("choose another ", Option("--out")))
-    ours = {NAME, *ENTRIES}
-    other = next((entry.name for entry in out.iterdir() if entry.name not in ours and not entry.name.startswith(".")), None)
-    if other is not None:
-        raise InputError(f"holds other files ({other})", file=out, remedy="give a new or empty folder, or one of publish")
 
 
 def floor_below(faces: PlaceFaces) -> float:

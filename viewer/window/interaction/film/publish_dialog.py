@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....commands.photo_option import use_photographs
+from ....commands.publishing.own_files import check_folder
 from ....commands.publishing.place_choice import PLANNED
-from ....commands.publishing.publication import Form, Publication, check_folder
+from ....commands.publishing.publication import Form, Publication
 from ....common.errors import PointglassError
 from ....common.text import bytes_text, counted, left_text
 from ...kit.worker import Worker
