@@ -172,6 +172,10 @@ def test_a_slow_device_draws_fewer_pixels_in_motion_and_one_may_ask_again_for_da
         page.value("void window.pointglass.view.go(1)")
         page.until("document.getElementById('message').textContent.startsWith('places/001.first.js cannot be loaded. ')")
         assert page.value("window.pointglass.view.index") == 0
+        whole = missing.read_bytes()
+        (copied / "places" / missing.name).write_bytes(whole[: len(whole) // 2])  # cut off on its way
+        page.value("document.getElementById('message').textContent = ''; void window.pointglass.view.go(1)")
+        page.until("document.getElementById('message').textContent.startsWith('places/001.first.js cannot be loaded. ')")
         missing.rename(copied / "places" / missing.name)
         page.value("void window.pointglass.view.go(1)")
         page.until("window.pointglass.view.index === 1 && !window.pointglass.view.going")

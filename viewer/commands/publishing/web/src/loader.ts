@@ -24,12 +24,13 @@ function load<T>(key: string, address: string): Promise<T> {
   return new Promise((resolve, reject) => {
     const element = document.createElement("script");
     waiting.set(key, resolve as (value: unknown) => void);
-    element.onload = () => element.remove();
-    element.onerror = () => {
+    const failed = (): void => {
       waiting.delete(key);
       element.remove();
       reject(new LoadError(`${address} cannot be loaded`));
     };
+    element.onload = () => (waiting.has(key) ? failed() : element.remove()); // a file that was cut off has given nothing
+    element.onerror = failed;
     element.src = address;
     document.head.append(element);
   });
