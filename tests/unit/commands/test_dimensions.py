@@ -16,22 +16,26 @@ from pointglass.viewer.work.fits.fit import Fit
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.project import write_project
 
-RADIUS = 0.35
+RADIUS, THIN = 0.35, 0.0215
 
 
 @pytest.fixture
 def project(room, tmp_path):  # noqa: F811
-    """The width of the room in the cut, three times; a height; a way that leans out of a plan; one beside the plan; a pipe."""
+    """The width of the room in the cut, three times; a height; a way that leans out of a plan; one beside the plan; two pipes,
+    of which the thin one is wide enough for a dimension at 1:20, but not at 1:50."""
     def between(kind: str, first, second) -> Measurement:
         ends = [np.array(end) * [*SIDES, 1.0] + [*AT, 0.0] for end in (first, second)]
         return Measurement(kind, tuple(MeasuredPoint(vector(end), noise=0.001) for end in ends), kind)
 
-    pipe = Fit("pipe", (AT[0] + 3.0, AT[1] + 2.0, 0.0), (0.0, 0.0, 1.0), RADIUS, 0.0, 2.0, 180.0, 0.001, 500,
-               radius_uncertainty=0.002, tilt_uncertainty=0.1)
+    def pipe(x: float, radius: float) -> Measurement:
+        fit = Fit("pipe", (AT[0] + x, AT[1] + 2.0, 0.0), (0.0, 0.0, 1.0), radius, 0.0, 2.0, 180.0, 0.001, 500,
+                  radius_uncertainty=0.002, tilt_uncertainty=0.1)
+        return Measurement("pipe", (MeasuredPoint(vector(np.array([AT[0] + x + radius, AT[1] + 2.0, 1.0])), fit=fit),), "pipe")
+
     made = [*(between("distance", (0, 0.5, 1.2), (1, 0.5, 1.2)) for _ in range(3)),
             between("height", (0.5, 0.5, 0), (0.5, 0.5, 2)),
             between("distance", (0.2, 0.2, 1.15), (0.2, 0.3, 1.25)), between("distance", (0, 0, 2.4), (1, 0, 2.4)),
-            Measurement("pipe", (MeasuredPoint(vector(np.array([AT[0] + 3.35, AT[1] + 2.0, 1.0])), fit=pipe),), "pipe")]
+            pipe(3.0, RADIUS), pipe(5.0, THIN)]
     write_project(tmp_path / "p.pointglass", Document((ScanFile(str(room)),), measurements=tuple(made)))
     return tmp_path / "p.pointglass"
 
@@ -56,18 +60,21 @@ def test_lengths_in_a_cut_are_dimensions_of_a_drawing(project, tmp_path, capsys)
     assert not ezdxf.readfile(out).modelspace().query("DIMENSION")  # type: ignore[reportPrivateImportUsage]
 
 
-@pytest.mark.parametrize("paper", [[], ["--paper", "A4"]])
-def test_lengths_in_a_cut_are_drawn_on_a_sheet(project, tmp_path, paper):
-    out = tmp_path / "plan.pdf"
-    sizes = []
-    for options in ([], ["--no-dimensions"]):
-        assert cli.main(["section", str(project), "--plan", "1.2", "--no-picture", "--trace", *paper, *options,
-                         "--out", str(out)]) == 0
+@pytest.mark.parametrize(("options", "count"), [([], 5), (["--scale", "1:20"], 6), (["--scale", "1:500"], 3),
+                                                (["--paper", "A0"], 6), (["--paper", "A4"], 5)])
+def test_a_sheet_has_the_dimensions_of_the_drawing(project, tmp_path, options, count):
+    out, sizes = tmp_path / "plan.pdf", []
+    line = ["section", str(project), "--plan", "1.2", *options, "--no-picture", "--trace"]
+    for without in ([], ["--no-dimensions"]):
+        assert cli.main([*line, *without, "--out", str(out)]) == 0
         data = out.read_bytes()
         streams = [zlib.decompressobj().decompress(part.split(b"stream\n", 1)[1]) for part in data.split(b"endobj")
                    if b"FlateDecode" in part and b"stream\n" in part and b"/Length" in part]
         sizes.append(sum(stream.count(b"Tj") + stream.count(b"TJ") for stream in streams))
-    assert sizes[0] - sizes[1] >= 5, "as many texts more as there are dimensions"
+    assert cli.main([*line, "--out", str(out.with_suffix(".dxf"))]) == 0
+    drawing = ezdxf.readfile(out.with_suffix(".dxf"))  # type: ignore[reportPrivateImportUsage]
+    assert sizes[0] - sizes[1] == count, "as many texts more as there are dimensions"
+    assert len(drawing.modelspace().query("DIMENSION")) == count
 
 
 def test_no_text_lies_on_another_or_on_a_line(seed):

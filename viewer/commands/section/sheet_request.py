@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ... import __version__
 from ...common.text import counted
 from ...picture.meshes.mesh_layer import MeshLayer
@@ -36,7 +38,7 @@ THICKNESS = 0.2
 SCALE, DPI = 50.0, 300
 """Of a sheet that is as large as its drawing, unless given."""
 _DXF_GRID, _DXF_MILLIMETRES = 8.0, 30.0
-"""Steps of the grid of a DXF along its longer side, at most; millimetres of a step, were it printed."""
+"""Steps of the grid of a DXF along its longer side, at most; millimetres of a step, were it printed at no given scale."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest
     unit = unit_name(scene.meta.metres_per_unit)
     size = float(max((high - low)[:2])) or 1.0
     step = round_length(size / _DXF_GRID)
+    shown = cut_dimensions(cut, measurements, scene, _drawn_millimetre(scene, request, (high - low)[:2], step))
     texts = (request.title or scene.meta.title, f"{KINDS[cut.kind].capitalize()} {cut.text}",
              f"coordinates: {', '.join(axes_of(cut))}; {reference_of(scene)}",
              *_line_notes(lines, unit), *model_text(models, unit),
@@ -144,8 +147,20 @@ def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest
              f"{request.author + '; ' if request.author else ''}pointglass {__version__}")  # fmt: skip
     write_whole(out, lambda beside: write_cut_dxf(beside, lines, low[:2], high[:2], step, texts, scene.meta.metres_per_unit,
                                                   [(model.name, model.colour[1], model.lines) for model in models],
-                                                  cut_dimensions(cut, measurements, scene, step / _DXF_MILLIMETRES)))
+                                                  shown))
     return lines, models
+
+
+def _drawn_millimetre(scene: "Scene", request: SheetRequest, size: np.ndarray, step: float) -> float:
+    """File units of a millimetre of the sheet that is asked for, so that a DXF has the dimensions of the PDF.  Without a scale
+    or paper it has those of its own size, too: a drawing can be enlarged.  size: (2,) of the drawing.  step: of its grid."""
+    scale = request.scale
+    if scale is None and request.paper is not None:
+        width, height = (size * float(scene.meta.metres_per_unit or 1.0)).tolist()
+        scale = fitted(request.paper, request.orientation, (width, height), None)[1]
+    if scale is not None:
+        return paper_of(scene, scale).millimetre
+    return min(paper_of(scene, SCALE).millimetre, step / _DXF_MILLIMETRES)
 
 
 def traced(selection: Selection, cut: Cut) -> Trace:
