@@ -33,9 +33,10 @@ def scan(tmp_path_factory):
 
     rng = np.random.default_rng(5)
     file = tmp_path_factory.mktemp("splats") / "floor.las"
-    las = laspy.LasData(laspy.LasHeader(point_format=2))
+    las = laspy.LasData(laspy.LasHeader(point_format=7))
     las.header.offsets, las.header.scales = [500_000, 5_000_000, 0], [0.001] * 3
-    las.header.add_crs(pyproj.CRS.from_epsg(25832))
+    own = pyproj.CRS.from_epsg(25832).to_wkt("WKT1_GDAL").replace("ETRS89 / UTM zone 32N", "Plant grid in UTM zone 32N")
+    las.header.add_crs(pyproj.CRS.from_wkt(own))  # its name alone does not define it
     las.x, las.y = rng.random((2, 20_000)) * [[8], [4]] + [[500_000], [5_000_000]]
     las.z = 30 + rng.normal(0, 0.001, 20_000)
     red = las.x > 500_004
@@ -111,7 +112,8 @@ def test_a_file_is_read_by_other_libraries_and_lies_on_the_scan(tmp_path, scan, 
         assert "has no place for the origin 500004, 5000002, 30, the scan's axes, unit and reference" in done.stderr
     source = open_source(out)  # comes back to where the scan is
     back = np.concatenate([chunk.xyz for chunk in source.chunks()])
-    assert (source.units, source.metres_per_unit) == ("metre", 1.0) and "UTM zone 32N" in (source.crs or "")
+    assert (source.units, source.metres_per_unit) == ("metre", 1.0) and source.crs == "Plant grid in UTM zone 32N"
+    assert "25832" in (source.crs_text or "")
     assert np.abs(back.min(axis=0) - [500_000, 5_000_000, 30]).max() < 0.3
     assert np.abs(back.max(axis=0) - [500_008, 5_000_004, 30]).max() < 0.3
     clear = np.abs(own[:, 0]) > 0.2
@@ -160,6 +162,10 @@ def test_units_are_metres_and_up_is_the_document_s(tmp_path, scan):
     again = open_scene(tmp_path / "splats.ply", cache=False)
     assert again.meta.metres_per_unit == 0.3048 and again.meta.units == "feet"
     assert np.abs(again.bounds - scene.bounds).max() < 0.1
+    data = (tmp_path / "splats.ply").read_bytes()
+    assert b"comment crs unknown\n" in data and again.meta.crs is None
+    (tmp_path / "named.ply").write_bytes(data.replace(b"comment crs unknown\n", b"comment crs Site 7\n"))
+    assert (named := open_source(tmp_path / "named.ply")).crs == "Site 7" and named.units == "feet"
 
 
 def test_degrees_are_refused_with_the_remedy(tmp_path):

@@ -64,7 +64,14 @@ def test_a_file_of_ours_lies_where_the_scan_was(tmp_path, seed):
     assert (xyz >= [499_999.99, 4_999_999.99, 29.99]).all() and (xyz <= [500_008.01, 5_000_004.01, 30.01]).all()
     assert np.ptp(xyz, axis=0)[0] > 7.8 and np.abs(rgb - 40_000 / 257).max() < 1
     assert not [text for text in scene.meta.warning_texts if "shown as points" not in text]
-    assert export(Selection.in_sight(scene, NO_EDITS), tmp_path / "c.laz") == len(xyz)
+    said: list[str] = []
+    assert export(Selection.in_sight(scene, NO_EDITS), tmp_path / "c.laz", note=said.append) == len(xyz)
+    written = set(laspy.read(tmp_path / "c.laz").point_format.dimension_names)
+    assert "f_dc_0" in written and not {"nx", "scale_0", "rot_0"} & written  # these are in the file's axes
+    assert "b.ply: normals, sizes and directions of its splats" in said[0] and "number of points of each" in said[0]
+    count = export(Selection.in_sight(scene, NO_EDITS), tmp_path / "d.glb", budget=1000, note=said.append)
+    assert f"splats are made anew from the centres of splats: {len(xyz):,} become {count:,}" in said[1] and "\n" not in said[1]
+    assert f'"{len(xyz)} centres of splats"'.encode() in (tmp_path / "d.glb").read_bytes()
 
 
 def test_a_comment_that_is_no_matrix_is_passed_over(tmp_path, seed):

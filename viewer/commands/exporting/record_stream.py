@@ -75,18 +75,25 @@ def _is_station(scan: ScanSummary, index: int) -> bool:
     return scan.name.endswith(f", station {index + 1}")
 
 
+def sources_of(scene: "Scene", columns: str | None = None) -> list[Source]:
+    """The readers of a scene's files, at their places.  columns: as for SourceRecords.  Raises InputError where one cannot be
+    read."""
+    from ...readers.formats import open_sources
+    from ...readers.moved_source import moves_at
+
+    paths = [Path(path) for path in scene.meta.sources]
+    origin = scene.meta.records or RecordOrigin()
+    return list(scene.live) or open_sources(paths, columns or origin.columns, moves_at(paths, origin.moves))
+
+
 class SourceRecords:
     """The selected records of the sources of a scene.  Raises InputError where a source cannot be read."""
 
     def __init__(self, selection: "Selection", columns: str | None = None, *, matched: bool = False):
-        from ...readers.formats import open_sources
-        from ...readers.moved_source import moves_at, unmoved
+        from ...readers.moved_source import unmoved
 
         self.selection, self.scene = selection, selection.scene
-        paths = [Path(path) for path in self.scene.meta.sources]
-        origin = self.scene.meta.records or RecordOrigin()
-        columns, moves = columns or origin.columns, moves_at(paths, origin.moves)
-        self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns, moves)
+        self.sources: list[Source] = sources_of(self.scene, columns)
         self.files: list[Source] = [unmoved(source)[0] for source in self.sources]
         """The readers of the files themselves."""
         self.moves = [unmoved(source)[1] for source in self.sources]

@@ -15,20 +15,26 @@ import numpy as np
 from ... import __version__
 from ...common.errors import InputError
 from ...common.progress import progress
+from ...preprocess.scan_description import ScanDescription
+from ...readers.splats.splat_frame import OF_SPLATS
 from ...work.places.up_axis import upright_axes
 from ...work.selection import Selection
 from ...work.splats.make_splats import splats_of
 from ...work.splats.splat_cloud import Splats
-from .crs_records import without_sources
+from .crs_records import Reference, reference_of, without_sources
 from .formats.splat_glb import write_splat_glb
 from .formats.splat_ply import UNIT, write_splat_ply
 from .formats.splat_spz import write_splat_spz
 from .losses import Losses
+from .record_stream import sources_of, why_gone
 
 BUDGET, LEAST_BUDGET, MOST_BUDGET = 2_000_000, 1_000, 32_000_000
 """Splats of a file: the default, which browsers draw; and limits.  GLB holds 42 million of 100 bytes."""
 NAME = "splats.ply"
 """A PLY whose name ends so holds splats, any other measured points unless ``--splats`` is given."""
+MOST_WKT = 8000
+"""Characters of a definition, below what readers take of a line of PLY's header and SPZ of a comment."""
+_MEASURED = "measured points"
 _DOWN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """From a world whose z is up to x right, y down, z forward."""
 _UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -119,10 +125,32 @@ def write_splats(path: Path, target: SplatTarget, selection: Selection, budget: 
         losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system (they are in a comment that "
                    "pointglass reads and others skip) nor for the number of points of each splat (GLB and PLY have)")
     about: dict[str, Any] = {"crs": meta.crs or "unknown", "unit": meta.units,
-                             "splats_from": f"{len(points.xyz)} measured points"}
+                             "splats_from": f"{len(points.xyz)} {_made_from(meta)}"}
     about |= {} if metre is None else {UNIT: metre}
-    about |= {"wkt": wkt} if (wkt := without_sources(meta).wkt) else {}
+    wkt = " ".join((_reference(selection, losses).wkt or "").split())
+    if len(wkt) > MOST_WKT:
+        losses.add(f"the definition of the reference system has {len(wkt):,} characters, over {MOST_WKT:,}, and is left out")
+    elif wkt:
+        about["wkt"] = wkt
+    if (made_from := _made_from(meta)) != _MEASURED:
+        losses.add(f"splats are made anew from the {made_from}: {len(points.xyz):,} become {len(splats):,}")
     placed = splats.turned(turn, factor)
     with progress(len(splats), "writing", "splat") as meter:
         target.write(path, placed, Placed(to_scan, about), meter.update)
     return len(splats)
+
+
+def _made_from(meta: ScanDescription) -> str:
+    """What the splats of an export are made from, in words."""
+    splats = [name.endswith(OF_SPLATS) for name in (meta.format or "").split(", ")]
+    return "centres of splats" if all(splats) else f"{_MEASURED} and centres of splats" if any(splats) else _MEASURED
+
+
+def _reference(selection: Selection, losses: Losses) -> Reference:
+    """The reference system as the files define it: the name alone is often not enough."""
+    from ...readers.moved_source import unmoved
+
+    scene = selection.scene
+    if scene.meta.crs is None or why_gone(scene) is not None:
+        return without_sources(scene.meta)
+    return reference_of(scene.meta, [unmoved(source)[0] for source in sources_of(scene)], losses)

@@ -1,17 +1,21 @@
 """PLY of Gaussian splats: the centres as points, coloured by the spherical harmonic of degree 0; and the reader for any PLY.
 
 Splats that are nearly transparent are left out and counted.  A file that pointglass wrote says in comments how its coordinates
-lead back to the scan's, and their unit (viewer.commands.exporting.formats.splat_ply); coordinates of other files are kept.
+lead back to the scan's, their unit and reference system (viewer.commands.exporting.formats.splat_ply); its records are without
+the shapes of the splats, which are not in the scan's coordinates.  Coordinates of other files are kept.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...common.text import counted
 from ..column_source import Columns, Ranges
-from ..source import Chunk
+from ..source import Chunk, Records
+from ..splats.splat_frame import MOVED, OF_SPLATS, SplatFrame, splat_frame
 from .ply_source import PlySource
 
 SH0 = 0.28209479177387814
@@ -21,9 +25,8 @@ FAINT = 0.1
 _COLOURS = ("f_dc_0", "f_dc_1", "f_dc_2")
 _SPLAT = (*_COLOURS, "opacity", "scale_0", "rot_0")
 _RGB = ("red", "green", "blue")
-_FRAME, _UNIT, _UNIT_NAME = "frame ", "metres_per_unit ", "unit "
-_MOVED = 2.0**-36
-"""Relative precision of float32 coordinates that were moved to map coordinates, thousands of times as large."""
+_SHAPES = ("nx", "ny", "nz", "f_rest_", "scale_", "rot_")
+"""Begin the names of columns that are of the file's axes and unit."""
 
 
 def open_ply(path: Path) -> PlySource:
@@ -37,14 +40,16 @@ class SplatPlySource(PlySource):
 
     def __init__(self, path: Path):
         super().__init__(path)
-        self.format = "PLY of Gaussian splats"
+        self.format = f"PLY{OF_SPLATS}"
         self._rgb = _RGB
         self.types |= dict.fromkeys(_RGB, "u1")
-        self._to_scan = _matrix_in(self._header.comments)
-        if self._to_scan is not None and self._to_scan[:, 3].any():
-            self.precision = _MOVED
-        if self._to_scan is not None and self.metres_per_unit is None:  # the reference system of PlySource tells it, too
-            self.units, self.metres_per_unit = _unit_in(self._header.comments) or (self.units, None)
+        self._frame = _frame_in(self._header.comments)
+        if self._frame is not None:
+            self._frame.tell(self)
+            self.precision = MOVED if self._frame.to_scan[:, 3].any() else self.precision
+            counts = any(element.name == "provenance" for element in self._header.elements)
+            self.record_losses.append(f"{path.name}: normals, sizes and directions of its splats, which are in the file's "
+                                      f"axes, {'and the number of points of each ' if counts else ''}are left out")
         self._faint = 0
         self.warnings.append(f"{path.name}: Gaussian splats, shown as points at their centres with their base colours")
 
@@ -63,9 +68,14 @@ class SplatPlySource(PlySource):
 
     def _placed(self, columns: Columns, ranges: Callable[[], Ranges]) -> tuple[np.ndarray, np.ndarray | None]:
         xyz, rgb = super()._placed(columns, ranges)
-        if self._to_scan is not None:
-            xyz = xyz @ self._to_scan[:, :3].T + self._to_scan[:, 3]
-        return xyz, rgb
+        return xyz if self._frame is None else self._frame.placed(xyz), rgb
+
+    def _record(self, found: Columns) -> Records:
+        record = super()._record(found)
+        if self._frame is None:
+            return record
+        columns = {name: values for name, values in record.columns.items() if not name.startswith(_SHAPES)}
+        return replace(record, columns=columns)
 
     def _columns(self) -> Iterator[Columns]:
         for columns in super()._columns():
@@ -90,27 +100,14 @@ class SplatPlySource(PlySource):
         return found
 
 
-def _matrix_in(comments: tuple[str, ...]) -> np.ndarray | None:
-    """(3, 4) from the file's coordinates to the scan's, where a comment has it."""
+def _frame_in(comments: tuple[str, ...]) -> SplatFrame | None:
+    """The way to the scan, where comments have it as the export writes it."""
+    stated: dict[str, Any] = {}
     for text in comments:
-        if text.startswith(_FRAME):
-            try:
-                numbers = np.array([float(word) for word in text.split()[1:]])
-            except ValueError:
-                return None
-            return numbers.reshape(3, 4) if numbers.shape == (12,) and np.isfinite(numbers).all() else None
-    return None
-
-
-
-def _unit_in(comments: tuple[str, ...]) -> tuple[str, float] | None:
-    """Name and metres of the unit of the scan's coordinates, where comments have it."""
-    names = [text[len(_UNIT_NAME) :] for text in comments if text.startswith(_UNIT_NAME)]
-    for text in comments:
-        if text.startswith(_UNIT):
-            try:
-                metres = float(text[len(_UNIT) :])
-            except ValueError:
-                return None
-            return (names[0] if names else "unit", metres) if 0 < metres < np.inf else None
-    return None
+        name, _, value = text.partition(" ")
+        stated.setdefault(name, value)
+    try:
+        stated["to_scan"] = np.array([float(word) for word in stated.pop("frame", "").split()]).reshape(3, 4)
+    except ValueError:
+        return None
+    return splat_frame(stated)

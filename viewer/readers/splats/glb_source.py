@@ -17,7 +17,7 @@ from ..ply.splat_ply_source import FAINT, SH0
 from ..source import CHUNK
 from .glb_head import EXTENSION, description
 from .glb_splats import AGAIN, splat_parts
-from .splat_frame import MOVED, SplatFrame, splat_frame
+from .splat_frame import MOVED, OF_SPLATS, SplatFrame, splat_frame
 
 _Z_UP = SplatFrame(np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0]]), "metre", 1.0)
 """From glTF's axes."""
@@ -27,7 +27,7 @@ class SplatGlbSource(ColumnSource):
     """One .glb file.  Raises InputError where it is a mesh, damaged, or of splats that are not read."""
 
     def __init__(self, path: Path):
-        super().__init__(path, "GLB of Gaussian splats")
+        super().__init__(path, f"GLB{OF_SPLATS}")
         found = description(path)
         if found is None:
             raise InputError("is no GLB of version 2, or damaged", file=path, remedy=AGAIN)

@@ -1,7 +1,8 @@
 """The way from a file of splats back to the scan that pointglass made them from, as its export writes it into SPZ and GLB.
 
 A mapping of JSON: ``to_scan``, three rows of four numbers, from the file's coordinates to the scan's; ``unit`` and
-``metres_per_unit`` of the scan's coordinates, ``wkt`` of its reference system, where they are known.
+``metres_per_unit`` of the scan's coordinates, ``crs`` and ``wkt``, name and definition of its reference system, where they are
+known.  A PLY has them as comments (viewer.readers.ply.splat_ply_source).
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,10 @@ import numpy as np
 from .. import crs
 from ..source import Source
 
+OF_SPLATS = " of Gaussian splats"
+"""Ends the name of each format of splats (Source.format)."""
+_NO_NAMES = ("unknown", "mixed")
+"""``crs`` where no one system is known."""
 MOVED = 2.0**-36
 """Relative precision of float32 coordinates that were moved to map coordinates, thousands of times as large."""
 
@@ -25,6 +30,7 @@ class SplatFrame:
     unit: str | None = None
     metres_per_unit: float | None = None
     wkt: str | None = None
+    crs_name: str | None = None
 
     def placed(self, xyz: np.ndarray) -> np.ndarray:
         """(n, 3) coordinates of the file in the scan's."""
@@ -35,6 +41,7 @@ class SplatFrame:
         if self.wkt:
             source.crs, source.units, source.metres_per_unit = crs.from_wkt(self.wkt)
             source.crs_text = self.wkt
+        source.crs = source.crs or self.crs_name
         if source.metres_per_unit is None and self.metres_per_unit is not None:
             source.units, source.metres_per_unit = self.unit or "unit", self.metres_per_unit
 
@@ -50,6 +57,6 @@ def splat_frame(found: Any) -> SplatFrame | None:
         return None
     if to_scan.shape != (3, 4) or not np.isfinite(to_scan).all() or abs(np.linalg.det(to_scan[:, :3])) < 1e-12:
         return None
-    unit, wkt = found.get("unit"), found.get("wkt")
+    unit, wkt, name = found.get("unit"), found.get("wkt"), found.get("crs")
     return SplatFrame(to_scan, unit if isinstance(unit, str) else None, metres if metres and 0 < metres < np.inf else None,
-                      wkt if isinstance(wkt, str) else None)
+                      wkt if isinstance(wkt, str) else None, name if isinstance(name, str) and name not in _NO_NAMES else None)

@@ -14,7 +14,7 @@ from ...common.text import counted
 from ..column_source import Columns, ColumnSource
 from ..ply.splat_ply_source import FAINT, SH0
 from ..source import CHUNK
-from .splat_frame import MOVED, splat_frame
+from .splat_frame import MOVED, OF_SPLATS, splat_frame
 from .spz_stream import kept_columns, read_spz_header, spz_comment
 
 COLOUR = 0.15
@@ -25,7 +25,7 @@ class SpzSource(ColumnSource):
     """One .spz file.  Raises InputError where its header is not valid."""
 
     def __init__(self, path: Path):
-        super().__init__(path, "SPZ of Gaussian splats")
+        super().__init__(path, f"SPZ{OF_SPLATS}")
         self._header = read_spz_header(path)
         self.count = self._header.count
         self.precision = 2.0**-12 if self._header.version == 1 else 2.0**-24
