@@ -119,6 +119,12 @@ def undrawable_line(letters: str) -> str:
 REMEDY = f"install a font that has them (as fonts-noto-cjk), or name a folder of fonts in {ENVIRONMENT}"
 
 
+def boxes_line(texts: Iterable[str]) -> str:
+    """What a person reads about texts that were drawn with boxes for letters that no font here has; "" where none was."""
+    letters = undrawable(texts)
+    return f"letters are drawn as boxes: {undrawable_line(letters)}; {REMEDY}" if letters else ""
+
+
 def runs(text: str, first: Sequence[Path] = ()) -> list[tuple[str, Path]]:
     """A line cut into parts that one font has.  A font that has all of it is preferred, so that words in two scripts match and
     text from right to left keeps its order.  A letter that no font has stays with the font before it.

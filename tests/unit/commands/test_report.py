@@ -20,6 +20,7 @@ from pointglass.viewer.commands.report.pages import WIDTH, Pages, line_width, wr
 from pointglass.viewer.commands.report.report_pdf import Wording, picture_count, report_pages
 from pointglass.viewer.commands.report.view_pictures import in_sight, view_of
 from pointglass.viewer.commands.section.sheet_text import text_width
+from pointglass.viewer.common import fonts
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.picture.camera import look_at
 from pointglass.viewer.picture.clip import vector
@@ -178,6 +179,23 @@ def test_what_cannot_be_made_is_refused_in_one_line(project, tmp_path, monkeypat
 def test_a_scan_has_no_report(project, tmp_path, capsys):
     assert main(["report", str(project.with_name("wall.xyz")), "--out", str(tmp_path / "r.pdf")]) == 2
     assert "a report is made of a project" in capsys.readouterr().err
+
+
+def test_letters_that_no_font_has_are_named_once_in_reports_and_on_sheets(project, tmp_path, monkeypatch, capsys):
+    def asked_again():
+        fonts.machine_fonts.cache_clear()
+        fonts.font_with.cache_clear()
+
+    (tmp_path / "fonts").mkdir()
+    asked_again()
+    with monkeypatch.context() as patched:
+        patched.setenv(fonts.ENVIRONMENT, str(tmp_path / "fonts"))
+        for command, ending in (("report", "pdf"), ("section", "pdf"), ("section", "png"), ("section", "dxf")):
+            cut = ["--elevation", "0", "--from", "0", "--title", "管Ø北管"] if command == "section" else ["--author", "管Ø北管"]
+            assert main([command, str(project), *cut, "--out", str(tmp_path / f"{command}.{ending}"), "--no-cache"]) == 0
+            line = "pointglass: warning: letters are drawn as boxes: no font on this machine has 管 北; install a font"
+            assert capsys.readouterr().err.count(line) == (ending != "dxf"), (command, ending)
+    asked_again()
 
 
 def test_a_picture_outside_the_project_is_sent_only_where_it_was_attached_here(project, tmp_path, capsys):

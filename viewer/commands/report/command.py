@@ -1,7 +1,7 @@
 """``pointglass report``: viewpoints, notes and measurements of a project as a PDF, its notes as BCF or CSV."""
 
 import argparse
-import sys
+import logging
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...work.viewpoint import Viewpoint
+
+_log = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     wording = Wording(options.title or project.stem, options.author,
                       date.today().isoformat() if options.date is None else options.date)
     job = ReportJob(scene, document, project, options.out, views, wording,
-                    lambda line: print(f"pointglass: {line}", file=sys.stderr))
+                    lambda line: _log.warning("%s", line))
     print(f"{job.write()} in {options.out}")
     return 0
 

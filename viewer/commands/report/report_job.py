@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING
 
 from ...common.errors import InputError
 from ...common.files import png_bytes
+from ...common.fonts import boxes_line
 from ...common.progress import progress
 from ...common.text import counted, table_bytes
-from ...work.measuring.measure_text import unit_name
+from ...work.measuring.measure_text import labels_of, unit_name
 from ...work.notes.attached_picture import attached_bytes
 from ...work.notes.note_bcf import Topic, bcf_bytes
 from ...work.notes.note_table import csv_text
 from ...work.notes.shared_pictures import check_shared
-from ..section.sheet import write_figures, write_whole
+from ..section.sheet import drawn_texts, write_figures, write_whole
 from .pages import DPI
 from .report_pdf import Wording, picture_count, report_pages
 from .view_pictures import ViewPictures, as_reported, released, renderer_for, view_of
@@ -40,7 +41,7 @@ class ReportJob:
 
     scene: with the unit and the reference system that the document assigns.  out: the file; its ending is one of KNOWN.
     project: the project's file, None for work that is not saved.  views: viewpoints that a PDF shows.  note: is told, in a
-    line, what the file does not hold.
+    line, what the file does not hold, or cannot show.
     """
 
     scene: "Scene"
@@ -64,6 +65,8 @@ class ReportJob:
             pictures = ViewPictures(renderer, document)
             if ending in ENDINGS["BCF issues"]:
                 self._write_bcf(document, pictures, unit)
+                labels = labels_of(document.measurements, unit)
+                self._note_boxes([*labels, *(note.title(number) for number, note in enumerate(notes))])
                 return counted(len(notes), "note")
             with progress(picture_count(document, self.views), "drawing the report", "picture") as meter:
                 figures = report_pages(self.scene, document, self.views, self.wording, pictures.picture, self.note,
@@ -71,7 +74,12 @@ class ReportJob:
         finally:
             released(renderer)
         write_figures(self.out, [(figure, DPI) for figure in figures])
+        self._note_boxes(drawn_texts(figures))
         return counted(len(figures), "page")
+
+    def _note_boxes(self, texts: Sequence[str]) -> None:
+        if boxes := boxes_line(texts):
+            self.note(boxes)
 
     def _with_shared_pictures(self, document: "Document") -> "Document":
         """Without the attached pictures that are no part of what is sent; a line names each."""

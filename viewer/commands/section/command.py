@@ -1,24 +1,29 @@
 """``pointglass section``: a plan, an elevation or a section of measured points, to scale, as PNG, PDF or DXF."""
 
 import argparse
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...common.errors import InputError, Option
+from ...common.fonts import boxes_line
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from ...work.sheets.paper_layout import DPI as PAPER_DPI
 from ...work.sheets.paper_layout import ORIENTATIONS, SIZES
 from .cut import Cut, along_line, elevation, plan
 from .model_lines import model_text
-from .sheet import check_out, write_figures
+from .sheet import check_out, drawn_texts, write_figures
 from .sheet_request import DPI, SCALE, THICKNESS, SheetRequest
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...work.document import Document
+
+_log = logging.getLogger(__name__)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options besides scans and exposures."""
@@ -165,6 +170,8 @@ def run(options: argparse.Namespace) -> int:
                          number=f"{number} of {len(cuts)}", png=png)
               for number, cut in enumerate(cuts, 1)]  # fmt: skip
     write_figures(options.out, [(sheet.figure, sheet.dpi) for sheet in sheets])
+    if boxes := boxes_line(drawn_texts(sheet.figure for sheet in sheets)):
+        _log.warning("%s", boxes)
     for number, sheet in enumerate(sheets, 1):
         width, height = sheet.sides
         page = f", page {number}" if len(sheets) > 1 else ""

@@ -4,7 +4,7 @@ One pixel of the drawing is 1/dpi inch of paper, in both formats: a length measu
 in the scan.  The sheet is as large as the drawing and its borders.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -81,6 +81,13 @@ def write_figures(out: Path, figures: Sequence[tuple["Figure", int]]) -> None:
     data = BytesIO()
     _save(figures, data, out.suffix.lower().removeprefix("."))
     write_whole(out, lambda beside: beside.write_bytes(data.getvalue()))
+
+
+def drawn_texts(figures: Iterable["Figure"]) -> list[str]:
+    """All texts of figures, as they are drawn."""
+    from matplotlib.text import Text
+
+    return [text.get_text() for figure in figures for text in figure.findobj(Text) if isinstance(text, Text)]
 
 
 def write_whole(out: Path, writer: Callable[[Path], object]) -> None:

@@ -83,7 +83,7 @@ class NoteExport:
             return
         context.tell_saved(self._out, f"Saved {done.result} to {self._out}")
         if self._missing:
-            context.session.notices.say(f"{self._out.name} does not hold every picture", "; ".join(self._missing))
+            context.session.notices.say(f"{self._out.name} does not show everything", "; ".join(self._missing))
 
     @property
     def unfinished(self) -> str:
