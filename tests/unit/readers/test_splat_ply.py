@@ -78,6 +78,7 @@ def test_a_comment_that_is_no_matrix_is_passed_over(tmp_path, seed):
     path = tmp_path / "a.ply"
     xyz, *_ = trained(path, np.random.default_rng(seed), count=50)
     data = path.read_bytes()
-    for text in (b"comment frame 1 2 three\n", b"comment frame " + b"nan " * 12 + b"\n", b"comment frame\n"):
+    huge = b"comment frame " + b"1e300 3e200 1 " * 4 + b"\n"
+    for text in (huge, b"comment frame 1 2 three\n", b"comment frame " + b"nan " * 12 + b"\n", b"comment frame\n"):
         path.write_bytes(data.replace(b"element", text + b"element", 1))
         assert np.isin(np.concatenate([chunk.xyz for chunk in open_source(path).chunks()]), xyz.astype(np.float32)).all()

@@ -55,8 +55,11 @@ def splat_frame(found: Any) -> SplatFrame | None:
         metres = float(found["metres_per_unit"]) if "metres_per_unit" in found else None
     except (TypeError, ValueError):
         return None
-    if to_scan.shape != (3, 4) or not np.isfinite(to_scan).all() or abs(np.linalg.det(to_scan[:, :3])) < 1e-12:
+    if to_scan.shape != (3, 4) or not np.isfinite(to_scan).all():
         return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        if not 1e-12 <= abs(np.linalg.det(to_scan[:, :3])) < np.inf:
+            return None
     unit, wkt, name = found.get("unit"), found.get("wkt"), found.get("crs")
     return SplatFrame(to_scan, unit if isinstance(unit, str) else None, metres if metres and 0 < metres < np.inf else None,
                       wkt if isinstance(wkt, str) else None, name if isinstance(name, str) and name not in _NO_NAMES else None)
