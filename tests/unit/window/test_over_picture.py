@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from documents import random_note
 
+from pointglass.viewer.common import fonts
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.window.saving import over_picture as module
@@ -27,6 +28,23 @@ def test_it_is_said_in_words(seed):
     assert OverPicture((made,)).text == " with 1 measurement"
     assert OverPicture((made, made), "m", (note,)).text == " with 2 measurements and 1 note"
     assert OverPicture((made,), "m", (note, note), LEGEND).text == " with 1 measurement, 2 notes and its legend"
+
+
+def test_letters_that_no_font_has_are_named(tmp_path, monkeypatch, seed):
+    def asked_again():
+        fonts.machine_fonts.cache_clear()
+        fonts.font_with.cache_clear()
+
+    random = np.random.default_rng(seed)
+    made = Measurement("distance", tuple(MeasuredPoint(vector(random.random(3))) for _ in range(2)), "\u7ba1")
+    note, legend = replace(random_note(random, "\u5317"), text="\u5317"), Legend("\u5c4b", [((255, 0, 0), "\u7ba1 ground")])
+    asked_again()
+    with monkeypatch.context() as patched:
+        patched.setenv(fonts.ENVIRONMENT, str(tmp_path))
+        assert OverPicture((made,), "m", legend=LEGEND).boxes == "", "a single measurement is drawn without its name"
+        over = OverPicture((made, made), "m", (note,), legend)
+        assert "no font on this machine has \u7ba1 \u5317 \u5c4b; install" in over.boxes
+    asked_again()
 
 
 @pytest.mark.parametrize("chosen", range(8))

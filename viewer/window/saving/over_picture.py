@@ -4,9 +4,10 @@ of an orthographic view."""
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...common.fonts import boxes_line
 from ...common.text import counted
 from ...picture.drawn_lines import Area
-from ...work.measuring.measure_text import unit_name
+from ...work.measuring.measure_text import labels_of, unit_name
 from ...work.pictures.measured_picture import with_measurements
 from ...work.pictures.noted_picture import with_notes
 from ...work.pictures.picture_legend import Legend, with_legend
@@ -50,6 +51,13 @@ class OverPicture:
         parts += ["its legend"] if self.legend is not None else []
         parts += ["its scale bar"] if self.scale_bar else []
         return f" with {', '.join(parts[:-1])}{' and ' if len(parts) > 1 else ''}{parts[-1]}" if parts else ""
+
+    @property
+    def boxes(self) -> str:
+        """A line about letters of it that no font here has; "" where there are none."""
+        texts = [*labels_of(self.measurements, self.unit), *(note.title(number) for number, note in enumerate(self.notes))]
+        texts += [self.legend.title, *(text for _, text in self.legend.rows)] if self.legend is not None else []
+        return boxes_line(texts)
 
 
 def over_picture(session: "Session") -> OverPicture:

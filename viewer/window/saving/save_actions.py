@@ -63,6 +63,8 @@ class SaveActions:
                 path = name.enter_context(capture.stamped("pointglass", ".png", self.folder))
                 shot = shot_of(self._session, path.stem)
                 over = over_picture(self._session)
+                if boxes := over.boxes:
+                    self._session.notices.toast(f"In the picture, {boxes}")
                 if shot is not None and self._session.work.shot_scale > 1:
                     return self._begin(StillJob(self._session.scene, shot, path, over=over), name)
                 made = saved_picture(self._session, self._painter, path.stem)
