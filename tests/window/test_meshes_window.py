@@ -75,15 +75,15 @@ def test_a_mesh_is_shown_hidden_saved_and_opened_again(display, scan):  # noqa: 
     window.keys("ctrl+z")
     window.rest()
     assert red(shot(window)) == whole
-    window.keys("t")
+    window.keys("1", "t")  # raw: what is not background was measured
+    window.rest()
     window.picture("screen")
     screen = np.asarray(Image.open(window.folder / "screen.png").convert("RGB")).astype(int)
     shown = (screen[..., 0] > 60) & (screen[..., 1:] < 30).all(axis=2)
     rows, columns = np.nonzero(shown)
     window.click(int(np.median(columns)), int(np.median(rows)))
-    scanned = screen[..., 1:].max(axis=2) >= 90  # neither the red box nor panels
-    beside = next((x, y) for y in range(640, 100, -4) for x in range(250, 1058, 4)
-                  if scanned[y - 3 : y + 4, x - 3 : x + 4].mean() > 0.9)
+    scanned = (screen[..., 1:].max(axis=2) >= 90) & (np.ptp(screen, axis=2) > 60)  # neither the red box nor panels
+    beside = next((x, y) for y in range(640, 100, -1) for x in range(250, 1058) if scanned[y, x])
     window.click(*beside)
     (made,) = until(lambda: measured_in(scan), "the distance from the mesh")
     ends = {point.scan: np.array(point.position) for point in made.points}
