@@ -8,6 +8,7 @@ import pytest
 from cloud_files import write_ply
 from PIL import Image
 
+import pointglass
 from pointglass.viewer.cli import main
 from pointglass.viewer.commands.comparing.change_map import VIEWS, change_map
 from pointglass.viewer.commands.comparing.command import FILES
@@ -75,6 +76,11 @@ def test_points_table_and_picture_show_a_lifted_quarter(scans, method, capsys):
     unsure = np.array(made.uncertainty, float)
     expected = colours_of(distance, unsure, statistics_of(distance.astype(float), unsure).limit)
     assert (np.abs(rgb.astype(int) - expected[lifted | alone | still]).max(axis=1) <= 2).mean() > 0.98
+    with pointglass.open(before) as one, pointglass.open(after) as other:  # the grid's order of points is another one
+        found, order = pointglass.compare(one, other, method=method), np.lexsort(np.rint(other.points.xyz * 1e4).T)
+    in_file = np.lexsort(np.rint(own.xyz * 1e4).T)
+    np.testing.assert_array_equal(found.distance[order].astype(np.float32), distance[in_file])
+    np.testing.assert_array_equal(found.uncertainty[order].astype(np.float32), unsure[in_file].astype(np.float32))
     facts = table(out / "distances.csv")
     assert facts["comparison"]["method"] == method
     assert int(facts["statistic"]["points"]) == len(own.points)

@@ -49,6 +49,34 @@ def gathered(xyz, order, sorted_xyz, begin, end):
 
 
 @compiled(nogil=True)
+def order_in_cells(points, order, first, begin, end):
+    """Sorts the points of the cells begin..end by x, y and z, and ``order`` with them (Shell's sort, in place).
+
+    points: (n, 3) sorted by cell.  order: (n,).  first: where each cell begins.  What is computed from the points of a cell then
+    depends on neither the order of a file nor that of a grid, to the last bit.
+    """
+    for cell in range(begin, end):
+        low, high = first[cell], first[cell + 1]
+        gap = 1
+        while 3 * gap + 1 < high - low:
+            gap = 3 * gap + 1  # Knuth's gaps
+        while gap > 0:
+            for i in range(low + gap, high):
+                x, y, z, number = points[i, 0], points[i, 1], points[i, 2], order[i]
+                j = i - gap
+                while j >= low and (
+                    points[j, 0] > x
+                    or (points[j, 0] == x and (points[j, 1] > y or (points[j, 1] == y and points[j, 2] > z)))
+                ):
+                    for axis in range(3):
+                        points[j + gap, axis] = points[j, axis]
+                    order[j + gap] = order[j]
+                    j -= gap
+                points[j + gap, 0], points[j + gap, 1], points[j + gap, 2], order[j + gap] = x, y, z, number
+            gap //= 3
+
+
+@compiled(nogil=True)
 def runs(keys, order, found, first):
     """The different values of keys[order], which ascend, and where each begins.
 

@@ -11,17 +11,18 @@ import numpy as np
 
 from ....model.common.process.processors import in_rows
 from ...common.errors import InputError
-from .cell_search import AXIS_BITS, cell_keys, fill_table, gathered, runs
+from .cell_search import AXIS_BITS, cell_keys, fill_table, gathered, order_in_cells, runs
 
 _LEAST_ROWS = 1 << 16
 """Points a thread takes at least: some 2 ms of work."""
+_LEAST_CELLS = 1 << 10
 _BLOCK = 1 << 17
 """Points of a block of cells: ``np.repeat`` keeps the interpreter's lock, for some 5 ms of so many."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """side: of a cell, file units.  points: (n, 3) float64, sorted by cell.  order: (n,) int64, the number of each in the
+    """side: of a cell, file units.  points: (n, 3) float64, sorted by cell, in a cell by x, y and z.  order: (n,) int64, the number of each in the
     cloud.  keys: (c,) int64 ascending, of the cells that hold points.  first: (c + 1,) int64, where each begins in ``points``.
     table: hash table of the keys.  blocks, block_first, block_table: the same of the blocks; they begin at a cell.
     sizes: (3,) int64, cells along the axes.
@@ -99,6 +100,7 @@ def cells_of(xyz: np.ndarray, side: float) -> Cells:
     points = np.empty_like(xyz)
     in_rows(len(xyz), _LEAST_ROWS, gathered, xyz, order, points)
     cells, first, table = _indexed(keys, order)
+    in_rows(len(cells), _LEAST_CELLS, order_in_cells, points, order, first)
     blocks, block_first, block_table = _indexed(cells >> 9, np.arange(len(cells)))
     return Cells(side, points, order, cells, first, table, blocks, block_first, block_table, sizes.astype(np.int64))
 
