@@ -102,7 +102,8 @@ def run(options: argparse.Namespace) -> int:
     found = aligned(moving, fixed, pairs, surfaces=not options.only_pairs)
     print(report(found, moving, fixed))
     if out is not None:
-        scans = ScanFile(str(options.moving), transform=found.transform), ScanFile(str(options.fixed))
+        unsure = None if found.surfaces is None else found.surfaces.uncertainty
+        scans = ScanFile(str(options.moving), transform=found.transform, unsure=unsure), ScanFile(str(options.fixed))
         write_project(out, Document(scans))
         print(f"project  {out}")
     return 0

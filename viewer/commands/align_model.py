@@ -52,7 +52,7 @@ def align_model(path: Path, fixed: "Source", pairs: tuple[np.ndarray, np.ndarray
         rows = [("pairs", pairs_text(found, unit))]
     if surfaces:
         made = align_mesh(placed_vertices(layer, mesh), mesh.faces, spread_points(fixed))
-        layer = replace(layer, transform=combined(made.transform, layer.transform))
+        layer = replace(layer, transform=combined(made.transform, layer.transform), unsure=made.surfaces.uncertainty)
         lines = mesh_words(made, unit.strip()).splitlines()
         rows += [("surfaces" if number == 0 else "", line) for number, line in enumerate(lines)]
     motion = motion_text(layer.transform, placed_vertices(layer, mesh).mean(axis=0))

@@ -25,6 +25,7 @@ def compare(
     *,
     method: Literal["m3c2", "c2c"] | None = None,
     registration: float = 0.0,
+    depth: float | None = None,
 ) -> Distances:
     """How far the points of ``after`` lie from the surfaces of ``before``, and how uncertain each distance is.
 
@@ -35,6 +36,8 @@ def compare(
         Brodu and Leroux 2013): neighbouring points share a distance, whose uncertainty is a fraction of the noise; or "c2c",
         each point to the local plane of ``before``: every point has its own distance, with its noise.  None with a mesh.
     registration: uncertainty (95 %) of how both lie to each other, in their unit; it is added to that of each distance.
+    depth: how far from each point ``before`` is looked for; None: by spacing and noise.  ``math.inf`` gives every point its
+        distance from a mesh.
 
     Returns ``distance`` and ``uncertainty`` (half the 95 % interval), (M,) float64 in the unit of the coordinates, one for each
     point of ``after``: of a scan in the order of ``after.points``.  Both are NaN where ``before`` has no surface, and for
@@ -59,11 +62,11 @@ def compare(
 
     with python_names():
         if isinstance(before, (str, PathLike)) and is_mesh(path_of(before)):
-            return _from_mesh(path_of(before), after, method, registration)
+            return _from_mesh(path_of(before), after, method, registration, depth)
         method = method or "m3c2"
         if method not in METHODS:
             raise InputError(f"expected one of {', '.join(METHODS)}", option="method", value=method)
-        _check_registration(registration)
+        _check_lengths(registration, depth)
         one, places, _, meta = cloud_of("before", before)
         other, own_places, station, other_meta = cloud_of("after", after)
         check_together(Path("before"), meta, Path("after"), other_meta)
@@ -71,32 +74,37 @@ def compare(
             raise InputError("holds no points", option="before")
         finite = np.isfinite(other).all(axis=1)
         found = distances_of(one, other[finite], facing_of(one, places, own_places), method=method,
-                             station=None if station is None else station[finite], registration=registration)
+                             station=None if station is None else station[finite], registration=registration,
+                             depth=depth)
         whole = np.full((2, len(other)), np.nan)
         whole[:, finite] = found.distance, found.uncertainty
         return replace(found, distance=whole[0], uncertainty=whole[1])
 
 
-def _check_registration(registration: float) -> None:
+def _check_lengths(registration: float, depth: float | None) -> None:
     if not (np.isfinite(registration) and registration >= 0):
         raise InputError("expected a length, 0 or more", option="registration", value=registration)
+    if depth is not None and not depth > 0:
+        raise InputError("expected a length above 0", option="depth", value=depth)
 
 
-def _from_mesh(path: Path, after: Scan | npt.ArrayLike, method: str | None, registration: float) -> Distances:
+def _from_mesh(path: Path, after: Scan | npt.ArrayLike, method: str | None, registration: float,
+               depth: float | None) -> Distances:  # fmt: skip
     """Distances of the points of ``after`` from a mesh."""
     from ..readers.meshes.mesh_store import mesh_of
     from ..work.comparing.compared_model import distances_of
+    from ..work.comparing.model_distances import within
     from ..work.meshes.laid_meshes import new_layer
     from .open_scan import Scan
 
     if method is not None:
         raise InputError("a mesh has no points to average: leave it out", option="method", value=method)
-    _check_registration(registration)
+    _check_lengths(registration, depth)
     xyz, _, _, meta = cloud_of("after", after)
     laid = [layer for layer in after._meshes if Path(layer.path) == path.absolute()] if isinstance(after, Scan) else []
     layer = laid[-1] if laid else new_layer(path, meta.metres_per_unit)
     finite = np.isfinite(xyz).all(axis=1)
-    found = distances_of(layer, mesh_of(layer.path), xyz[finite], registration)
+    found = within(distances_of(layer, mesh_of(layer.path), xyz[finite], registration), depth)
     whole = np.full((2, len(xyz)), np.nan)
     whole[:, finite] = found.distance, found.uncertainty
     return replace(found, distance=whole[0], uncertainty=whole[1])

@@ -37,6 +37,7 @@ class ScanFile:
     path: as opened; the project file stores it relative to itself.  visible: whether it is read when the project opens.
     metres_per_unit, crs: assigned by the person; None: as the file says.
     transform: rigid, from the file's own coordinates to those of the document; None: they are the same.
+    unsure: uncertainty (95 %) of the place that the transformation gives it beside the others, file units; None: not known.
     """
 
     path: str
@@ -44,10 +45,13 @@ class ScanFile:
     metres_per_unit: float | None = None
     crs: str | None = None
     transform: Rows | None = field(default=None, metadata=UNLESS_DEFAULT)
+    unsure: float | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if self.transform is not None:
             check_rigid(self.transform, f"{self.path}: transform")
+        if self.unsure is not None and not 0 <= self.unsure < np.inf:
+            raise InputError(f"unsure {self.unsure!r}: expected a length, 0 or more", file=self.path)
         if self.metres_per_unit is not None and not (np.isfinite(self.metres_per_unit) and self.metres_per_unit > 0):
             raise InputError(f"{self.metres_per_unit!r} metres per unit: expected a number above 0", file=self.path)
 

@@ -49,6 +49,12 @@ def test_pairs_and_surfaces_bring_a_scan_to_its_place_and_the_project_shows_it_t
     assert np.linalg.norm(moved_points(found, own) - second, axis=1).max() < 0.003
     scene = open_scene(scans_of(out, document), moves=moves_of(document.scans), cache=False)
     assert np.ptp(scene.bounds, axis=0).max() < 6.2  # one room
+    unsure = document.scans[0].unsure
+    assert unsure is not None and f"unsure   {unsure:.2g}" in text and document.scans[1].unsure is None
+    again = ["compare", str(fixed), str(moving), "--project", str(out), "--out", str(tmp_path / "compared"), "--depth", "0.2"]
+    assert cli.main(again) == 0 and "registration unsure by" in capsys.readouterr().out
+    table = (tmp_path / "compared" / "distances.csv").read_text("utf-8-sig")
+    assert f",registration uncertainty (95 %),,,{unsure:.9g}," in table and ",search depth,,,0.2," in table
 
 
 def test_pairs_alone_move_a_scan(tmp_path, seed, stations, capsys):

@@ -151,7 +151,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line_and_leaves_nothing(chang
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("options", [("--registration", "-1"), ("--registration", "nan"), ("--range", "0")])
+@pytest.mark.parametrize("options", [("--registration", "-1"), ("--registration", "nan"), ("--range", "0"), ("--depth", "inf")])
 def test_lengths_that_are_none_are_refused(options, scans, capsys):
     before, after, folder = scans
     assert main(["compare", before, after, "--out", str(folder / "out"), *options]) == 2

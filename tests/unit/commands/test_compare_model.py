@@ -59,6 +59,18 @@ def test_the_command_finds_a_shift_of_three_millimetres_and_says_how_sure_it_is(
     middle = (np.abs(np.column_stack([points.x, points.y, points.z]) - FAR) @ np.abs(turn) < 10).all(axis=1)
     assert len(distance) == len(places) and np.median(distance) == pytest.approx(0.003, abs=1e-4)
     assert 0.93 < (np.abs(distance - 0.003) < unsure)[middle].mean() < 0.97
+    far = places + normals * random.choice((0.003, 4.0), (len(places), 1), p=(0.9, 0.1))
+    np.savetxt(scan, far @ turn.T + FAR, "%.5f")
+    assert main(["compare", str(scan), str(model), "--project", str(tmp_path / "p.pointglass"), "--out", str(out)]) == 0
+    assert "without a counterpart within" in capsys.readouterr().out
+    table = (out / "distances.csv").read_text("utf-8-sig")
+    assert ",before,,,box.obj," in table and ",after,,,scan.xyz," in table  # no folders of this machine
+    near = np.array(laspy.read(out / "distances.laz")["distance"])
+    assert np.isnan(near).mean() == pytest.approx(0.1, abs=0.01)
+    more = ["--project", str(tmp_path / "p.pointglass"), "--range", "5", "--out", str(out)]
+    assert main(["compare", str(scan), str(model), *more]) == 0
+    reached = np.array(laspy.read(out / "distances.laz")["distance"])
+    assert np.isfinite(reached).all() and 3.99 < reached[np.isnan(near)].min() < reached.max() < 4.02
     assert main(["compare", str(model), str(model), "--out", str(out)]) == 2
     assert main(["compare", str(scan), str(model), "--out", str(out)]) == 2  # without the project they lie far apart
     assert capsys.readouterr().err.strip().endswith("up axis")

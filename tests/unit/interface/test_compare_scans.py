@@ -49,6 +49,8 @@ def test_a_mesh_gives_signed_distances_where_it_was_laid(seed, tmp_path):
     xyz[:, 2] = 1 + lift + random.normal(0, 0.001, len(xyz))  # above the upper side of a box
     trimesh.creation.box((2, 2, 2)).export(tmp_path / "box.obj")
     found = pointglass.compare(tmp_path / "box.obj", xyz)
+    away = pointglass.compare(tmp_path / "box.obj", xyz + (0, 0, 50), depth=np.inf)
+    assert away.distance == pytest.approx(xyz[:, 2] + 49, abs=1e-5)
     assert np.median(found.distance) == pytest.approx(lift, abs=1e-4) and 0.001 < np.median(found.uncertainty) < 0.003
     with pointglass.from_points(xyz, np.zeros((len(xyz), 3), np.uint8)) as scan:
         moved = np.eye(4)

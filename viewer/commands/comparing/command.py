@@ -23,7 +23,7 @@ from ..options import add_columns
 from . import distances_csv, distances_laz, distances_picture
 from .distance_histogram import shown_unit
 from .read_cloud import Cloud, check_together, moves_in, opened, read_cloud
-from .scan_and_model import compared_with_model, layer_of, model_among, read_model
+from .scan_and_model import compared_with_model, layer_of, model_among, read_model, registration_in
 
 FILES = (distances_laz.NAME, distances_csv.NAME, distances_picture.NAME)
 
@@ -40,9 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              f"histogram) and {FILES[2]}")
     texts = "; ".join(f"{name}: {text}" for name, text in METHODS.items())
     parser.add_argument("--method", choices=list(METHODS), default="m3c2", help=f"{texts} (default m3c2)")
-    parser.add_argument("--registration", type=float, default=0.0, metavar="E",
+    parser.add_argument("--registration", type=float, metavar="E",
                         help="uncertainty (95 %%) of how both scans lie to each other, in their unit; it is added to that of "
-                             "each distance; `align` prints it as unsure (default 0)")
+                             "each distance (default: what `align` found, where --project has it, else 0)")
+    parser.add_argument("--depth", type=float, metavar="D",
+                        help="how far from each point the other scan, or the model, is looked for, in the unit of the scans "
+                             "(default: by spacing and noise; of a model at least --range)")
     parser.add_argument("--project", type=Path, metavar="P",
                         help="compare the scans where this project has moved them, such as one that `pointglass align` made of "
                              "both (default: where their files have them)")
@@ -54,14 +57,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    for name, value, least in (("--registration", options.registration, 0.0), ("--range", options.limit, None)):
+    for name, value, least in (("--registration", options.registration, 0.0), ("--range", options.limit, None),
+                               ("--depth", options.depth, None)):  # fmt: skip
         if value is not None and not (np.isfinite(value) and (value > 0 or value == least)):
             raise InputError("expected a length in the unit of the scans", option=name, value=value)
     paths = options.before, options.after
     with_model = model_among(*paths)
     moves = None if options.project is None or with_model else moves_in(options.project, list(paths))
     lines = write_comparison(*paths, options.out, method=options.method, registration=options.registration, limit=options.limit,
-                             moves=moves, columns=options.columns, project=options.project,
+                             depth=options.depth, moves=moves, columns=options.columns, project=options.project,
                              assumed=lambda line: print(f"pointglass: {line}", file=sys.stderr))  # fmt: skip
     for line in lines:
         print(line)
@@ -69,13 +73,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: str, registration: float, limit: float | None,
-                     moves: Moves | None, columns: str | None = None, assumed: Callable[[str], object] = lambda line: None,
-                     project: Path | None = None, layer: MeshLayer | None = None) -> list[str]:
+def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: str, registration: float | None,
+                     limit: float | None, moves: Moves | None, depth: float | None = None, columns: str | None = None,
+                     assumed: Callable[[str], object] = lambda line: None, project: Path | None = None,
+                     layer: MeshLayer | None = None) -> list[str]:  # fmt: skip
     """Compares two scans, or a scan with a mesh, and writes FILES into the folder ``out``.  Returns what it found, lines for a
     person.
 
-    limit: where the colours end; None: chosen by the changes.  moves: transformations of the scans; project: where a mesh may
+    registration: 95 %; None: what the project knows of it.  limit: where the colours end; None: chosen by the changes.  depth:
+    how far a counterpart is looked for; None: chosen, for a mesh at least the limit.  moves: transformations of the scans; project: where a mesh may
     have been moved.  layer: the mesh that ``before_path`` is, where it stands; None: as its file and the project say.
     assumed: is told what is taken for granted of units.  Raises InputError; Cancelled where progress is.
     """
@@ -88,15 +94,17 @@ def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: 
         after_path if model else before_path, after_path))
     for line in check_together(before_path, meta, after_path, other_meta):
         assumed(line)
+    known = registration_in(project, before_path, after_path, assumed) if registration is None else registration
     _refuse_own_files(out, [Path(name) for name in (*meta.sources, *other_meta.sources)])
     with out_folder(out):  # before minutes of work
         after = read_cloud(after_path, other_sources, other_meta)
         if model is not None:
-            before = read_model(layer or layer_of(before_path, other_meta, project, assumed), other_meta)
-            distances = compared_with_model(before, after, registration)
+            layer = layer or layer_of(before_path, other_meta, project, assumed)
+            before = read_model(before_path, layer, other_meta)
+            distances = compared_with_model(before, layer, after, known, depth, limit)
         else:
             before = read_cloud(before_path, sources, meta)
-            distances = compared(before, after, method=method, registration=registration)
+            distances = compared(before, after, method=method, registration=known, depth=depth)
         found = statistics_of(distances.distance, distances.uncertainty, limit)
         unit = unit_name(other_meta.metres_per_unit or meta.metres_per_unit)
         with replaced_told(out / name for name in FILES):
@@ -109,18 +117,22 @@ def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: 
     return report_lines(distances, found, unit)
 
 
-def compared(before: Cloud, after: Cloud, *, method: str, registration: float) -> Distances:
+def compared(before: Cloud, after: Cloud, *, method: str, registration: float, depth: float | None) -> Distances:
     """Distances of one scan's points from the other one.  Raises InputError naming what cannot be compared; Cancelled."""
     facing = facing_of(before.xyz, before.places, after.places) if len(before.xyz) else None
     if facing is None:
         raise InputError("holds no points", file=before.path)
-    return compare(before.xyz, after.xyz, facing, method=method, station=after.station, registration=registration)
+    return compare(before.xyz, after.xyz, facing, method=method, station=after.station, registration=registration,
+                   depth=depth)
 
 
 def report_lines(distances: Distances, found: Statistics, unit: str) -> list[str]:
     """What is printed: counts, the median change, and what is changed for certain."""
     factor, shown = shown_unit(found.limit, unit)
-    lines = [f"{counted(found.known, 'point')} compared, {found.count - found.known:,} without a counterpart"]
+    reach = f"within {distances.sizes.depth * factor:.3g} {shown}"
+    lines = [f"{counted(found.known, 'point')} compared, {found.count - found.known:,} without a counterpart {reach}"]
+    if distances.registration:
+        lines.append(f"registration unsure by {distances.registration * factor:.2g} {shown} (95 %), in every uncertainty")
     if found.known:
         lines.append(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "
                      f"uncertainty ± {found.uncertainty * factor:.3g} {shown} (median, 95 %)")

@@ -5,6 +5,7 @@ Columns: table (comparison, statistic or histogram), name, from, to, value, unit
 
 import csv
 import io
+import os
 from pathlib import Path
 
 from ...common.text import table_bytes
@@ -30,7 +31,7 @@ def rows_of(before: Cloud, after: Cloud, distances: Distances, found: Statistics
     """The rows below the head."""
     sizes = distances.sizes
     facts: list[tuple[str, object, str]] = [
-        ("before", str(before.path), ""), ("after", str(after.path), ""), ("method", distances.method, ""),
+        *zip(("before", "after"), names_apart(before.path, after.path), ("", "")), ("method", distances.method, ""),
         ("positive", TEXTS[distances.rule], ""), ("points before", len(before.xyz), ""), ("points after", len(after.xyz), ""),
         ("spacing before", distances.before.spacing, unit), ("spacing after", distances.after.spacing, unit),
         ("noise before (standard deviation)", distances.before.noise, unit),
@@ -55,6 +56,14 @@ def rows_of(before: Cloud, after: Cloud, distances: Distances, found: Statistics
             *(("statistic", name, "", "", value, of) for name, value, of in figures),
             *(("histogram", "points", low, high, int(count), unit)
               for low, high, count in zip(edges[:-1], edges[1:], found.bins.tolist(), strict=True))]  # fmt: skip
+
+
+def names_apart(one: Path, other: Path) -> tuple[str, str]:
+    """The names of two files, with as many of their folders as tell them apart, with ``/``: a table that is handed on names no
+    folder of the machine it was made on."""
+    parts, others = (Path(os.path.abspath(path)).parts for path in (one, other))
+    count = next((n for n in range(1, max(len(parts), len(others))) if parts[-n:] != others[-n:]), 1)
+    return "/".join(parts[-count:]), "/".join(others[-count:])
 
 
 def _text(value: object) -> object:

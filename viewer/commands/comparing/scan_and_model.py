@@ -1,20 +1,24 @@
 """``pointglass compare SCAN MODEL``: distances of a scan's points from a mesh."""
 
+import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from ...common.errors import InputError
+from ...common.rigid_transform import IDENTITY
 from ...picture.meshes.mesh_layer import MeshLayer
 from ...preprocess.scan_description import ScanDescription
 from ...readers.meshes.mesh_formats import is_mesh
 from ...readers.meshes.mesh_store import mesh_of
 from ...work.comparing.compare import Distances
 from ...work.comparing.compared_model import placed_vertices
-from ...work.comparing.model_distances import distances_from_model
+from ...work.comparing.model_distances import distances_from_model, within
 from ...work.meshes.laid_meshes import assumed, new_layer
 from ...work.project import read_project
+from ...work.registration.moved_files import unsure_of
 from .read_cloud import Cloud
 
 
@@ -39,14 +43,31 @@ def layer_of(path: Path, meta: ScanDescription, project: Path | None, told: Call
     return layer
 
 
-def read_model(layer: MeshLayer, meta: ScanDescription) -> Cloud:
-    """The model as a cloud of its corners, in the scan's coordinates.  meta: of the scan.  Raises InputError."""
+def registration_in(project: Path | None, before: Path, after: Path, told: Callable[[str], object]) -> float:
+    """Uncertainty (95 %) of how two scans, or a scan and a model, lie to each other, as Align left it in a project; told: is
+    told where the project moved one and has no uncertainty of that.  Raises InputError."""
+    if project is None:
+        return 0.0
+    document = read_project(project)
+    laid = {os.path.realpath(layer.path): layer.unsure for layer in document.meshes if layer.transform != IDENTITY}
+    known = [laid[at] if (at := os.path.realpath(path)) in laid else unsure_of(document.scans, path) for path in (before, after)]
+    if None in known:
+        told(f"{project.name} does not say how certain the places of its scans are: --registration adds that to the uncertainties")
+    return math.hypot(*(unsure or 0.0 for unsure in known))
+
+
+def read_model(path: Path, layer: MeshLayer, meta: ScanDescription) -> Cloud:
+    """The model as a cloud of its corners, in the scan's coordinates.  path: as it was named.  meta: of the scan.  Raises
+    InputError."""
     vertices = placed_vertices(layer, mesh_of(layer.path))
-    return Cloud(Path(layer.path), [], vertices, np.zeros(len(vertices), np.uint16), np.zeros((0, 3)), 0, meta)
+    return Cloud(path, [], vertices, np.zeros(len(vertices), np.uint16), np.zeros((0, 3)), 0, meta)
 
 
-def compared_with_model(model: Cloud, scan: Cloud, registration: float) -> Distances:
-    """Distances of the scan's points.  Raises InputError; Cancelled."""
+def compared_with_model(model: Cloud, layer: MeshLayer, scan: Cloud, registration: float, depth: float | None,
+                        limit: float | None) -> Distances:  # fmt: skip
+    """Distances of the scan's points.  depth, limit: as for viewer.work.comparing.model_distances.within.  Raises InputError;
+    Cancelled."""
     if len(scan.xyz) < 100:
         raise InputError(f"has {len(scan.xyz):,} points, at least 100 are compared", file=scan.path)
-    return distances_from_model(model.xyz, mesh_of(str(model.path)).faces, scan.xyz, registration=registration)
+    found = distances_from_model(model.xyz, mesh_of(layer.path).faces, scan.xyz, registration=registration)
+    return within(found, depth, limit)

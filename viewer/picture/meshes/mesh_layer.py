@@ -31,6 +31,7 @@ class MeshLayer:
     path: as opened; a project stores it relative to itself.  checksum: SHA-256 of the file and of those that it names, "" where
     it is not known.  transform: rigid, of the turned and scaled mesh.  up: a key of MESH_UP_AXES.  scale: units of the document
     in a unit of the file, above 0.  colour: sRGB 0 to 255; None: the file's own.  opacity: above 0, at most 1.
+    unsure: uncertainty (95 %) of its place beside the scan, the document's units; None: not known.
     Raises InputError naming a bad value.
     """
 
@@ -42,11 +43,14 @@ class MeshLayer:
     colour: tuple[int, int, int] | None = field(default=None, metadata=UNLESS_DEFAULT)
     opacity: float = field(default=1.0, metadata=UNLESS_DEFAULT)
     visible: bool = field(default=True, metadata=UNLESS_DEFAULT)
+    unsure: float | None = field(default=None, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         check_rigid(self.transform, f"{self.path}: transform")
         if self.up not in MESH_UP_AXES:
             raise InputError(f"up axis {self.up!r}: expected one of {', '.join(MESH_UP_AXES)}", file=self.path)
+        if self.unsure is not None and not 0 <= self.unsure < np.inf:
+            raise InputError(f"unsure {self.unsure!r}: expected a length, 0 or more", file=self.path)
         if not 1e-9 <= self.scale <= 1e9:
             raise InputError(f"scale {self.scale!r}: expected a number from 1e-9 to 1e9", file=self.path)
         if not 0.0 < self.opacity <= 1.0:

@@ -9,7 +9,7 @@ Uncertainties are expanded to 95 %.  The error of the registration is what the c
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,11 +56,12 @@ class Distances:
 
 
 def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: str = "m3c2", station: np.ndarray | None = None,
-            registration: float = 0.0, sizes: Sizes | None = None) -> Distances:  # fmt: skip
+            registration: float = 0.0, depth: float | None = None, sizes: Sizes | None = None) -> Distances:  # fmt: skip
     """Distances of ``after`` from ``before``, (n, 3) and (m, 3) finite float64 in one frame.
 
     station: (n,) whole numbers, which of ``facing.places`` measured each point.  registration: uncertainty of the position of
-    the clouds to each other, 95 %, file units.  sizes: None: derived from spacing and noise.
+    the clouds to each other, 95 %, file units.  sizes: None: derived from spacing and noise.  depth: how far a counterpart is
+    looked for; None: that of the sizes.
     Raises InputError where a cloud has too few points or no extent, or they do not overlap; Cancelled where progress is.
     """
     for name, cloud in (("before", before), ("after", after)):
@@ -68,8 +69,6 @@ def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: st
             raise InputError(f"the scan {name} has {len(cloud):,} points, at least {_FEWEST} are compared")
     (least, most), (other_least, other_most) = box_of(before), box_of(after)
     low = np.minimum(least, other_least)
-    if (most < other_least).any() or (other_most < least).any():
-        raise InputError("the two scans do not overlap", remedy="check that both have the same coordinate system")
     with progress(4, "sorting points") as meter:
         scales = []
         for cloud, own in ((before, least), (after, other_least)):
@@ -81,6 +80,10 @@ def compare(before: np.ndarray, after: np.ndarray, facing: Facing, *, method: st
         if not min(scale.spacing for scale in scales) > 0:
             raise InputError("a scan has all its points in one place")
         sizes = sizes_for(*scales) if sizes is None else sizes
+        if depth is not None:  # farther than both reach, there is nothing
+            sizes = replace(sizes, depth=min(depth, float(np.linalg.norm(np.maximum(most, other_most) - low))))
+        if max((other_least - most).max(), (least - other_most).max()) > sizes.depth:
+            raise InputError("the two scans do not overlap", remedy="check that both have the same coordinate system")
         side = sizes.diameter / 2 if method == "m3c2" else sizes.radius
         cells = []
         for cloud in (before, after):

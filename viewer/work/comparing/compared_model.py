@@ -53,8 +53,8 @@ def placed_vertices(layer: MeshLayer, mesh: MeshData) -> np.ndarray:
 
 
 def from_layer(layer: MeshLayer, comparison: DateComparison, xyz: np.ndarray) -> Distances:
-    """Distances of (n, 3) points from a mesh, which is read where it is not in memory.  Raises InputError where it is another
-    one than it was, where it cannot be read, and as viewer.work.comparing.model_distances; Cancelled."""
+    """Distances of (n, 3) points from a mesh, near or far, which is read where it is not in memory.  Raises InputError where it
+    is another one than it was, and where it cannot be read; Cancelled."""
     mesh = mesh_of(layer.path)
     if len(mesh.faces) != comparison.before[1]:
         raise InputError(f"the comparison with {layer.name} cannot be shown: it has {len(mesh.faces):,} triangles now, and had "

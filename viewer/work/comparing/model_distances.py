@@ -6,6 +6,7 @@ the triangles of a model are not oriented alike, the sign says nothing.
 Frame: the scan's coordinates, float64; its units.
 """
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -27,8 +28,8 @@ _LEAST_ROWS = 1 << 12
 def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarray, *, registration: float = 0.0) -> Distances:
     """Distances of (n, 3) points from the triangles ``faces`` (F, 3) of (V, 3) vertices.
 
-    The uncertainty is that of the scan's noise and of the registration (95 %); the model counts as exact.  Points farther away
-    than the search depth have no distance.  Raises InputError where nothing of the scan is near the model; Cancelled.
+    The uncertainty is that of the scan's noise and of the registration (95 %); the model counts as exact.  Each point has its
+    distance, however far it is: see :func:`within`.  Raises Cancelled where progress is.
     """
     import open3d as o3d
 
@@ -48,12 +49,23 @@ def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarra
             found = rays.compute_closest_points(tensor(some.astype(np.float32)))["primitive_ids"].numpy()
             distance[start : start + len(some)] = _signed(some, corners[found], across[found], around[faces[found]])
             meter.update(len(some))
-    distance[np.abs(distance) > sizes.depth] = np.nan
-    if not np.isfinite(distance).any():
-        raise InputError(f"no point of the scan is within {sizes.depth:.3g} of the model",
-                         remedy="check that both have the same coordinates and up axis")
     unsure = np.full(len(points), COVERAGE * scale.noise + registration)
     return Distances(distance, unsure, METHOD, sizes, CloudScale(0.0, 0.0), scale, len(points), registration, RULE)
+
+
+def within(found: Distances, depth: float | None = None, limit: float | None = None) -> Distances:
+    """The distances of a model up to ``depth``; points farther away have none: they are not of what was modelled.
+
+    depth: file units; None: the search depth of two such scans, or ``limit``, where the colours end, if that is larger.
+    Raises InputError where no point is so near.
+    """
+    depth = max(found.sizes.depth, limit or 0.0) if depth is None else depth
+    size = np.abs(found.distance)
+    distance = np.where(size <= depth, found.distance, np.nan)
+    if not np.isfinite(distance).any():
+        raise InputError(f"no point of the scan is within {depth:.3g} of the model, the nearest is at {np.nanmin(size):.3g}",
+                         remedy="check that both have the same coordinates and up axis")
+    return replace(found, distance=distance, sizes=replace(found.sizes, depth=depth))
 
 
 def _signed(points: np.ndarray, corners: np.ndarray, across: np.ndarray, around: np.ndarray) -> np.ndarray:

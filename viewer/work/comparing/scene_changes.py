@@ -27,6 +27,7 @@ from .compare import Distances, compare
 from .compared_model import ModelPlace, from_layer, model_of, place_of_model
 from .distance_statistics import Statistics, statistics_of
 from .facing import facing_of
+from .model_distances import METHOD, within
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -42,13 +43,18 @@ Compared = tuple[tuple[FileKey, FileKey, str, float, int], ModelPlace | None]
 @dataclass(frozen=True, eq=False)
 class SceneDistances:
     """before, after: (n,) and (m,) int64, numbers in the scene of the points of both files; of a mesh none.  distances: of
-    those of ``after``.  compared: :func:`compared_of`.  count: points of the scene."""
+    those of ``after``; from a mesh also of those that are far from it.  compared: :func:`compared_of`.  count: points of the
+    scene."""
 
     before: np.ndarray
     after: np.ndarray
     distances: Distances
     compared: "Compared"
     count: int
+
+    def shown(self, limit: float | None = None) -> Distances:
+        """The distances that are coloured and counted.  limit: where the colours end; None: chosen by the changes."""
+        return within(self.distances, limit=limit) if self.distances.method == METHOD else self.distances
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +123,9 @@ def distances_in(scene: "Scene", comparison: DateComparison, meshes: Sequence[Me
         station = scan_numbers(packed(scene, numbers[1])).astype(np.int64) - after.numbers.start
         facing = facing_of(one if len(one) else np.zeros((1, 3)), *places)  # compare refuses what has no points
         found = compare(one, other, facing, method=comparison.method, station=station, registration=comparison.registration)
-    made = _MADE[scene] = SceneDistances(*numbers, found, wanted, scene.count)
+    made = SceneDistances(*numbers, found, wanted, scene.count)
+    made.shown()  # refuses a mesh that nothing is near
+    _MADE[scene] = made
     return made
 
 
@@ -133,7 +141,8 @@ def _numbers_of(scene: "Scene", part: FilePart) -> np.ndarray:
 
 def coloured(scene: "Scene", made: SceneDistances, edits: Edits, comparison: DateComparison) -> Coloured:
     """Levels of the points as a comparison shows them.  edits: with which they will be drawn."""
-    distance, uncertainty = made.distances.distance, made.distances.uncertainty
+    shown_distances = made.shown(comparison.limit)
+    distance, uncertainty = shown_distances.distance, shown_distances.uncertainty
     found = statistics_of(distance, uncertainty, comparison.limit)
     levels = np.full(made.count, LEFT_OUT, np.uint8)
     shown = comparison.shown

@@ -5,7 +5,7 @@ Frame: a transformation leads from the file's own coordinates to those of the do
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,10 +34,10 @@ def transforms_of(scans: Sequence[ScanFile], sources: Sequence[str]) -> tuple[Ro
 
 
 def with_transform(scans: Sequence[ScanFile], sources: Sequence[str], number: int,
-                   transform: Rows | None) -> tuple[ScanFile, ...]:
+                   transform: Rows | None, unsure: float | None = None) -> tuple[ScanFile, ...]:
     """The scans of a document in which the file of this number, among the files of the scene, has a transformation; the
-    identity counts as none."""
-    transform = None if transform == IDENTITY else transform
+    identity counts as none.  unsure: of that place, as ScanFile has it."""
+    transform, unsure = (None, None) if transform in (None, IDENTITY) else (transform, unsure)
     chosen = sources[number]
     found: list[ScanFile] = []
     for scan in scans:
@@ -45,11 +45,20 @@ def with_transform(scans: Sequence[ScanFile], sources: Sequence[str], number: in
         if chosen not in inside:
             found.append(scan)
         elif len(inside) == 1:
-            found.append(replace(scan, transform=transform))
+            found.append(replace(scan, transform=transform, unsure=unsure))
         else:
-            found += [replace(scan, path=source, transform=transform if source == chosen else scan.transform)
-                      for source in inside]
+            found += [replace(scan, path=source, transform=transform, unsure=unsure) if source == chosen else
+                      replace(scan, path=source) for source in inside]
     return tuple(found)
+
+
+def unsure_of(scans: Iterable[ScanFile], path: Path) -> float | None:
+    """Uncertainty (95 %) of the place of a file, or of a folder of files, in a document: the largest of its scans.  0 where it
+    stays as it is; None where it was moved and nothing states how certain that is."""
+    moved = [scan.unsure for scan in scans if scan.transform is not None
+             and (is_of(scan.path, str(path)) or is_of(str(path), scan.path))]
+    known = [unsure for unsure in moved if unsure is not None]
+    return None if len(known) < len(moved) else max(known, default=0.0)
 
 
 def is_of(source: str, path: str) -> bool:

@@ -27,7 +27,8 @@ from ...session.two_dates import dates_of
 from ..editing import edit, end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
 from .compare_panel import draw_panel
-from .compare_work import colour_work, compare_work, differing, fresh_folder, place_key, share_limit, with_model_hidden
+from .compare_work import (aligned_unsure, colour_work, compare_work, differing, fresh_folder, place_key, share_limit,
+                           with_model_hidden)  # fmt: skip
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -57,6 +58,7 @@ class Compare(Tool):
         self._given_up: object = None  # place_key of one that cannot be shown, or was cancelled
         self._to_points = False  # whether a view with the colours of points is chosen when they are there
         self._of: tuple | None = None
+        self._aligned: tuple | None = None  # of which ``registration`` was taken
 
     # ---- what there is
 
@@ -192,6 +194,7 @@ class Compare(Tool):
     def follow(self, context: ToolContext) -> None:
         self._leave_other(context)
         self._follow_dates(context)
+        self._follow_places(context)
         if (done := ended(self.worker, context, "The scans were not compared")) is not None:
             self.worker = None
             known = context.document.comparison
@@ -214,6 +217,15 @@ class Compare(Tool):
             (done, out), self._exporting = self._exporting, None
             if done.result is not None and not done.cancelled:
                 context.tell_saved(out)
+
+    def _follow_places(self, context: ToolContext) -> None:
+        """Takes the uncertainty that Align found of the chosen scans, where there is no comparison that has its own."""
+        chosen = self.before, self.after, context.document.scans, context.document.meshes
+        if chosen != self._aligned and context.document.comparison is None and context.scene is not None:
+            self._aligned, number = chosen, self.model(context)
+            paths = [context.scene.meta.sources[at] for at in (self.before, self.after) if at < len(context.scene.meta.sources)]
+            layer = None if number is None else context.document.meshes[number]
+            self.registration = aligned_unsure(context.document.scans, paths, layer)
 
     def _follow_document(self, context: ToolContext) -> None:
         """Makes what the document's comparison needs: it was opened, undone or changed."""

@@ -1,5 +1,6 @@
 """Work of the Compare tool on a thread, and small choices of it."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,8 @@ from ....picture.edits import Edits
 from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.comparing.compared_model import model_of, place_of_model
 from ....work.comparing.scene_changes import Coloured, SceneDistances, coloured, distances_in
+from ....work.document import ScanFile
+from ....work.registration.moved_files import unsure_of
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -51,10 +54,17 @@ def colour_work(scene: "Scene", made: SceneDistances, edits: Edits, comparison: 
 
 def share_limit(made: SceneDistances, share: float) -> float | None:
     """The distance that a share of the known distances does not exceed, to two digits; None where none is known."""
-    known = np.abs(made.distances.distance[np.isfinite(made.distances.distance)])
+    distance = made.shown().distance
+    known = np.abs(distance[np.isfinite(distance)])
     if not len(known) or not (value := float(np.quantile(known, share))) > 0:
         return None
     return float(f"{value:.2g}")
+
+
+def aligned_unsure(scans: Sequence[ScanFile], paths: Sequence[str], layer: MeshLayer | None) -> float:
+    """Uncertainty (95 %) of how files, and a mesh, lie to each other, as far as Align has found it; file units."""
+    parts = [*(unsure_of(scans, Path(path)) for path in paths), None if layer is None else layer.unsure]
+    return math.hypot(*(unsure or 0.0 for unsure in parts))
 
 
 def fresh_folder(parent: Path, name: str) -> Path:

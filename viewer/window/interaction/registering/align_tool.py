@@ -177,8 +177,8 @@ class Align(Tool):
 
     # ---- what is done
 
-    def place(self, context: ToolContext, number: int, transform: Rows, label: str) -> None:
-        """Gives a file a transformation, as a step that can be undone."""
+    def place(self, context: ToolContext, number: int, transform: Rows, label: str, unsure: float | None = None) -> None:
+        """Gives a file a transformation, as a step that can be undone.  unsure: of its place, as Moved has it."""
         assert context.scene is not None
         layer = self.mesh(context, number)
         of_it = is_of(layer) if layer is not None else only_of(
@@ -190,9 +190,9 @@ class Align(Tool):
         work: dict[str, Any] = {"measurements": found.measurements, "annotations": found.annotations}
         if layer is not None:
             at = number - len(self.parts(context))
-            edit(context, label, meshes=with_mesh_at(context.document.meshes, at, transform), **work)
+            edit(context, label, meshes=with_mesh_at(context.document.meshes, at, transform, unsure), **work)
             return
-        scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform)
+        scans = with_transform(context.document.scans, context.scene.meta.sources, number, transform, unsure)
         edit(context, label, scans=scans, **work)
 
     def apply_pairs(self, context: ToolContext) -> None:
@@ -295,7 +295,7 @@ class Align(Tool):
             context.toast("It was moved meanwhile: refine again")
             return
         self.result = found.text
-        self.place(context, found.number, found.after, found.label)
+        self.place(context, found.number, found.after, found.label, found.unsure)
 
     @property
     def workers(self) -> "tuple[Worker | None, ...]":

@@ -47,9 +47,9 @@ def is_of(layer: MeshLayer) -> Callable[[str], bool]:
     return lambda scan: scan == name or scan.startswith(name + BESIDE_ELEMENT)
 
 
-def with_mesh_at(meshes: tuple[MeshLayer, ...], at: int, transform: Rows) -> tuple[MeshLayer, ...]:
-    """The meshes of a document, one at another place."""
-    return replaced(meshes, at, replace(meshes[at], transform=transform))
+def with_mesh_at(meshes: tuple[MeshLayer, ...], at: int, transform: Rows, unsure: float | None) -> tuple[MeshLayer, ...]:
+    """The meshes of a document, one at another place, which is unsure by so much."""
+    return replaced(meshes, at, replace(meshes[at], transform=transform, unsure=unsure))
 
 
 def middle_of(layer: MeshLayer) -> np.ndarray:
@@ -65,6 +65,7 @@ def refine_mesh_work(scene: "Scene", parts: Sequence[FilePart], number: int, lay
         mesh, begun = mesh_of(layer.path), replace(layer, transform=start)
         found = align_mesh(placed_vertices(begun, mesh), mesh.faces, points_of(scene, parts))
         after = combined(found.transform, start)
-        return Moved(number, layer.transform, after, f"Refine the place of {layer.name}", mesh_words(found, unit))
+        return Moved(number, layer.transform, after, f"Refine the place of {layer.name}", mesh_words(found, unit),
+                     found.surfaces.uncertainty)
 
     return work

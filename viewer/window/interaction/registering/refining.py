@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What came of it.  number: of the file.  before, after: its transformation.  text: for a person.  label: of the step."""
+    """What came of it.  number: of the file.  before, after: its transformation.  text: for a person.  label: of the step.
+    unsure: of the place beside the others, 95 %, file units; None: not known."""
 
     number: int
     before: Rows
     after: Rows
     label: str
     text: str
+    unsure: float | None = None
 
 
 def refine_work(scene: "Scene", parts: Sequence[FilePart], number: int, before: Rows, start: Rows, name: str,
@@ -39,7 +41,8 @@ def refine_work(scene: "Scene", parts: Sequence[FilePart], number: int, before: 
         moving = points_of(scene, [parts[number]])
         fixed = points_of(scene, [part for other, part in enumerate(parts) if other != number])
         found = align_surfaces(moving, fixed, combined(start, inverse(before)))
-        return Moved(number, before, combined(found.transform, before), f"Refine the place of {name}", result_text(found, unit))
+        return Moved(number, before, combined(found.transform, before), f"Refine the place of {name}", result_text(found, unit),
+                     found.uncertainty)
 
     return work
 
