@@ -80,8 +80,9 @@ def write_comparison(before_path: Path, after_path: Path, out: Path, *, method: 
     """Compares two scans, or a scan with a mesh, and writes FILES into the folder ``out``.  Returns what it found, lines for a
     person.
 
-    registration: 95 %; None: what the project knows of it.  limit: where the colours end; None: chosen by the changes.  depth:
-    how far a counterpart is looked for; None: chosen, for a mesh at least the limit.  moves: transformations of the scans; project: where a mesh may
+    registration: 95 %; None: what the project knows of it.  limit: where the colours end; None: chosen by the changes.
+    depth: how far a counterpart is looked for; None: chosen, for a mesh at least the limit.
+    moves: transformations of the scans; project: where a mesh may
     have been moved.  layer: the mesh that ``before_path`` is, where it stands; None: as its file and the project say.
     assumed: is told what is taken for granted of units.  Raises InputError; Cancelled where progress is.
     """

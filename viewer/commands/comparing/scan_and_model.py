@@ -50,9 +50,10 @@ def registration_in(project: Path | None, before: Path, after: Path, told: Calla
         return 0.0
     document = read_project(project)
     laid = {os.path.realpath(layer.path): layer.unsure for layer in document.meshes if layer.transform != IDENTITY}
-    known = [laid[at] if (at := os.path.realpath(path)) in laid else unsure_of(document.scans, path) for path in (before, after)]
+    known = [laid[at] if (at := os.path.realpath(path)) in laid else unsure_of(document.scans, path)
+             for path in (before, after)]
     if None in known:
-        told(f"{project.name} does not say how certain the places of its scans are: --registration adds that to the uncertainties")
+        told(f"{project.name} does not say how certain the places of its scans are; --registration adds it to each uncertainty")
     return math.hypot(*(unsure or 0.0 for unsure in known))
 
 

@@ -52,8 +52,8 @@ def gathered(xyz, order, sorted_xyz, begin, end):
 def order_in_cells(points, order, first, begin, end):
     """Sorts the points of the cells begin..end by x, y and z, and ``order`` with them (Shell's sort, in place).
 
-    points: (n, 3) sorted by cell.  order: (n,).  first: where each cell begins.  What is computed from the points of a cell then
-    depends on neither the order of a file nor that of a grid, to the last bit.
+    points: (n, 3) sorted by cell.  order: (n,).  first: where each cell begins.  What is computed from the points of a cell
+    then depends on neither the order of a file nor that of a grid, to the last bit.
     """
     for cell in range(begin, end):
         low, high = first[cell], first[cell + 1]

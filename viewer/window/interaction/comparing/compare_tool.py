@@ -27,8 +27,16 @@ from ...session.two_dates import dates_of
 from ..editing import edit, end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
 from .compare_panel import draw_panel
-from .compare_work import (aligned_unsure, colour_work, compare_work, differing, fresh_folder, place_key, share_limit,
-                           with_model_hidden)  # fmt: skip
+from .compare_work import (
+    aligned_unsure,
+    colour_work,
+    compare_work,
+    differing,
+    fresh_folder,
+    place_key,
+    share_limit,
+    with_model_hidden,  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
