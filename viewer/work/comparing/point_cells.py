@@ -23,9 +23,9 @@ _BLOCK = 1 << 17
 @dataclass(frozen=True, eq=False)
 class Cells:
     """side: of a cell, file units.  points: (n, 3) float64, sorted by cell, in a cell by x, y and z.  order: (n,)
-    int64, the number of each in the cloud.  keys: (c,) int64 ascending, of the cells that hold points.  first: (c + 1,) int64, where each begins in ``points``.
-    table: hash table of the keys.  blocks, block_first, block_table: the same of the blocks; they begin at a cell.
-    sizes: (3,) int64, cells along the axes.
+    int64, the number of each in the cloud.  keys: (c,) int64 ascending, of the cells that hold points.
+    first: (c + 1,) int64, where each begins in ``points``.  table: hash table of the keys.  blocks, block_first,
+    block_table: the same of the blocks; they begin at a cell.  sizes: (3,) int64, cells along the axes.
     """
 
     side: float
