@@ -26,17 +26,9 @@ from ...kit.worker import Worker
 from ...session.two_dates import dates_of
 from ..editing import edit, end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
+from .aligned_places import aligned_unsure
 from .compare_panel import draw_panel
-from .compare_work import (
-    aligned_unsure,
-    colour_work,
-    compare_work,
-    differing,
-    fresh_folder,
-    place_key,
-    share_limit,
-    with_model_hidden,  # fmt: skip
-)
+from .compare_work import colour_work, compare_work, differing, fresh_folder, place_key, share_limit, with_model_hidden
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -230,10 +222,7 @@ class Compare(Tool):
         """Takes the uncertainty that Align found of the chosen scans, where there is no comparison that has its own."""
         chosen = self.before, self.after, context.document.scans, context.document.meshes
         if chosen != self._aligned and context.document.comparison is None and context.scene is not None:
-            self._aligned, number = chosen, self.model(context)
-            paths = [context.scene.meta.sources[at] for at in (self.before, self.after) if at < len(context.scene.meta.sources)]
-            layer = None if number is None else context.document.meshes[number]
-            self.registration = aligned_unsure(context.document.scans, paths, layer)
+            self._aligned, self.registration = chosen, aligned_unsure(context.scene.meta.sources, *chosen)
 
     def _follow_document(self, context: ToolContext) -> None:
         """Makes what the document's comparison needs: it was opened, undone or changed."""

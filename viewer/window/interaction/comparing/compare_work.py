@@ -1,6 +1,5 @@
 """Work of the Compare tool on a thread, and small choices of it."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,6 @@ from ....picture.edits import Edits
 from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.comparing.compared_model import model_of, place_of_model
 from ....work.comparing.scene_changes import Coloured, SceneDistances, coloured, distances_in
-from ....work.document import ScanFile
-from ....work.registration.moved_files import unsure_of
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -59,12 +56,6 @@ def share_limit(made: SceneDistances, share: float) -> float | None:
     if not len(known) or not (value := float(np.quantile(known, share))) > 0:
         return None
     return float(f"{value:.2g}")
-
-
-def aligned_unsure(scans: Sequence[ScanFile], paths: Sequence[str], layer: MeshLayer | None) -> float:
-    """Uncertainty (95 %) of how files, and a mesh, lie to each other, as far as Align has found it; file units."""
-    parts = [*(unsure_of(scans, Path(path)) for path in paths), None if layer is None else layer.unsure]
-    return math.hypot(*(unsure or 0.0 for unsure in parts))
 
 
 def fresh_folder(parent: Path, name: str) -> Path:
