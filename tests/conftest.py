@@ -1,6 +1,7 @@
 """Fixtures for all tests: the shared data where it is present, a cache of the test run's own, a fresh seed, one thread of
 torch's, and one headless context."""
 
+import gc
 import os
 import secrets
 import signal
@@ -19,6 +20,14 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 ROOT = Path(__file__).resolve().parent.parent
 
 pytest.register_assert_rewrite("bench_run", "walls")  # helpers that check: their failures show values too
+
+
+gc.disable()  # while tests are imported, which makes a million objects that stay: 3 seconds of looking through them
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
