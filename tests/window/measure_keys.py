@@ -1,5 +1,5 @@
 """Milliseconds from a key event to the first picture on the screen that knows of it, while a long job runs:
-``python measure_keys.py FOLDER SCAN JOB [SEED]`` under an X server.  JOB: none, film, publish, fit or compare.
+``python measure_keys.py FOLDER SCAN JOB [SEED]`` under an X server.  JOB: none, film, publish, fit, compare, convert or align.
 
 48 keys that change the interface, the view or the picture, .4 to 1 s apart, sent through XTEST by another process to a window
 of 1280x720 pixels in its usual settings (the neural view).  The clock stops when ``glfwSwapBuffers`` returns for a frame that
@@ -22,7 +22,7 @@ def start_job(app, job: str, folder: Path) -> list:
     """Starts a long job beside the window; returns its workers."""
     from pointglass.viewer.common.errors import PointglassError
     from pointglass.viewer.picture.settings import Settings
-    from pointglass.viewer.window.kit.worker import Worker
+    from pointglass.viewer.window.kit.worker import BESIDE, Worker
 
     session, wake = app.session, app._wake_loop
     scene, document, camera = session.scene, session.document, session.camera
@@ -38,7 +38,7 @@ def start_job(app, job: str, folder: Path) -> list:
             while True:
                 planned(scene, document, Settings(view="neural"), 4, 1024)
 
-        return [Worker(plans, "Publishing", wake)]
+        return [Worker(plans, "Publishing", wake, niceness=BESIDE)]
     if job == "fit":
         from pointglass.viewer.grid.scene import unpack
         from pointglass.viewer.work.fits.fit import fit_at
@@ -63,7 +63,26 @@ def start_job(app, job: str, folder: Path) -> list:
                 after = xyz + rng.normal(0, 0.002, xyz.shape)
                 compare(xyz, after, facing_of(xyz, np.full((1, 3), np.nan), xyz.mean(axis=0)[None]))
 
-        return [Worker(comparisons, "Comparing", wake)]
+        return [Worker(comparisons, "Comparing", wake, niceness=BESIDE)]
+    if job == "convert":
+        from pointglass.viewer.window.session.loading import open_scene
+
+        def conversions() -> None:
+            while True:
+                open_scene(list(session.shown_scan.paths), cache=False)
+
+        return [Worker(conversions, "Opening a scan", wake)]
+    if job == "align":
+        from pointglass.viewer.grid.scene import unpack
+        from pointglass.viewer.work.registration.align_surfaces import align_surfaces
+
+        xyz = unpack(scene)[0]
+
+        def alignments() -> None:
+            while True:
+                align_surfaces(xyz[::2] + [0.05, -0.03, 0.02], xyz[1::2])
+
+        return [Worker(alignments, "Aligning", wake, niceness=BESIDE)]
     return []
 
 

@@ -16,7 +16,7 @@ from ...picture.point_sets import PointSet
 from ...work.selection import Selection
 from ..file_dialog.file_dialogs import FileDialogs
 from ..kit.notices import Answer
-from ..kit.worker import Worker
+from ..kit.worker import BESIDE, Worker
 from ..session.session import Session
 from .capture import name_kept
 
@@ -92,7 +92,7 @@ class PointsExport:
                               budget=budget)
 
         what = "points" if splat_target(out) is None else "splats"
-        self.worker = Worker(work, f"Exporting {what} to {out.name}", session.loads.wake)
+        self.worker = Worker(work, f"Exporting {what} to {out.name}", session.loads.wake, niceness=BESIDE)
 
     def follow(self) -> None:
         """Called in every turn of the loop: says what was exported, or why nothing was."""

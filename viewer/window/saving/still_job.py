@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ...work.ghosts import prepared
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
-from ..kit.worker import Worker
+from ..kit.worker import BESIDE, Worker
 from .capture import save_png
 from .over_picture import OverPicture
 
@@ -74,4 +74,4 @@ class StillJob:
 
 def still_worker(job: StillJob, wake: Callable[[], None]) -> Worker:
     """Starts a still."""
-    return Worker(job.render, "Rendering the picture", wake)
+    return Worker(job.render, "Rendering the picture", wake, niceness=BESIDE)

@@ -22,7 +22,7 @@ from ....work.project import moves_of
 from ....work.registration.moved_files import transforms_of
 from ....work.scan_files import FilePart, files_of
 from ...kit import icons
-from ...kit.worker import Worker
+from ...kit.worker import BESIDE, Worker
 from ...session.two_dates import dates_of
 from ..editing import edit, end, ended, metres_per_unit
 from ..tool import Tool, ToolContext
@@ -124,7 +124,7 @@ class Compare(Tool):
     def _compare(self, comparison: Callable[[], DateComparison], name: str, context: ToolContext) -> None:
         assert context.scene is not None
         work = compare_work(context.scene, comparison, context.document.meshes)
-        self.worker = Worker(work, f"Comparing {name}", context.wake)
+        self.worker = Worker(work, f"Comparing {name}", context.wake, niceness=BESIDE)
 
     def show(self, context: ToolContext, **chosen: Any) -> None:
         """Shows the comparison in another way: shown, limit or certain."""
@@ -186,7 +186,7 @@ class Compare(Tool):
             out = fresh_folder(parent, f"{after.stem}-compared")
             work = Worker(lambda: write_comparison(before, after, out, method=self.method, registration=self.registration,
                                                    limit=limit, moves=moves_of(document.scans), layer=layer),
-                          f"Writing {out.name}", context.wake)  # fmt: skip
+                          f"Writing {out.name}", context.wake, niceness=BESIDE)  # fmt: skip
             self._exporting = work, out
 
         context.files.open_folder(FOLDER, "Folder for the comparison", chosen)
@@ -253,7 +253,7 @@ class Compare(Tool):
             return
         if self._colouring is None and (self._shown != wanted.in_picture or context.session.work.changes is None):
             work = colour_work(scene, self.made, context.document.edits, wanted)
-            self._colouring = Worker(work, "Colouring the change", context.wake)
+            self._colouring = Worker(work, "Colouring the change", context.wake, niceness=BESIDE)
 
     def _leave_other(self, context: ToolContext) -> None:
         """Gives up what was compared where other scans are shown, or one was moved; what the document has is compared again."""

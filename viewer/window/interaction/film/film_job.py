@@ -12,7 +12,7 @@ from ....picture.edits import NO_EDITS, Edits
 from ....picture.settings import Settings
 from ....work.ghosts import prepared
 from ....work.pictures.film_titles import NO_TITLES, FilmTitles
-from ...kit.worker import Worker
+from ...kit.worker import BESIDE, Worker
 from ...saving.capture import name_kept, unwritable
 
 if TYPE_CHECKING:
@@ -79,4 +79,4 @@ class FilmJob:
 
 def film_worker(job: FilmJob, wake: Callable[[], None]) -> Worker:
     """Starts a film; its progress counts frames, and cancelling leaves no half file."""
-    return Worker(job.render, "Rendering the film", wake)
+    return Worker(job.render, "Rendering the film", wake, niceness=BESIDE)

@@ -13,7 +13,7 @@ from ....commands.publishing.place_choice import PLANNED
 from ....commands.publishing.publication import Form, Publication
 from ....common.errors import PointglassError
 from ....common.text import bytes_text, counted, left_text
-from ...kit.worker import Worker
+from ...kit.worker import BESIDE, Worker
 from ..editing import end, ended
 from .publish_plan import PLACE_BYTES, PublishPlan, planned
 
@@ -160,7 +160,7 @@ class PublishDialog:
         job = Publication(scene, document, replace(view.shown_settings, view=self.view), plan.places, out, title,
                           Form(second="raw" if self.second else None), session.work.project)
         self._out, self.open = out, False
-        self.worker = Worker(lambda: written(job), f"Publishing {out.name}", session.loads.wake)
+        self.worker = Worker(lambda: written(job), f"Publishing {out.name}", session.loads.wake, niceness=BESIDE)
 
     def close(self) -> None:
         """Gives up what is under way and waits until it has removed what it was writing."""

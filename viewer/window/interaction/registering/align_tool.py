@@ -19,7 +19,7 @@ from ....work.registration.moved_files import points_of, transforms_of, with_tra
 from ....work.registration.point_pairs import LEAST
 from ....work.scan_files import FilePart, files_of
 from ...kit import icons
-from ...kit.worker import Worker
+from ...kit.worker import BESIDE, Worker
 from ..editing import Pointing, drawn_points, edit, end, ended, unit_of
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .align_panel import draw_panel, name_of
@@ -215,7 +215,7 @@ class Align(Tool):
             work = refine_mesh_work(scene, parts, self.moving, layer, start, unit)
         else:
             work = refine_work(scene, parts, self.moving, before, start, name, unit)
-        self.worker = Worker(work, f"Aligning {name}", context.session.loads.wake)
+        self.worker = Worker(work, f"Aligning {name}", context.session.loads.wake, niceness=BESIDE)
 
     def _level(self, context: ToolContext, picked: Picked, parts: list[FilePart]) -> None:
         assert context.scene is not None

@@ -12,7 +12,7 @@ import numpy as np
 from ....common.text import counted
 from ....picture.edits import GHOSTS
 from ....work.ghosts import with_ghosts
-from ...kit.worker import Worker
+from ...kit.worker import BESIDE, Worker
 from ..editing import edit, end, ended
 from ..tool import ToolContext
 
@@ -54,7 +54,8 @@ class GhostsPanel:
             if self._marked is not None:
                 context.session.show_variant(self._marked)
             elif self.search is None:
-                self.search = Worker(lambda: with_ghosts(scene), "Looking for passers-by", context.session.loads.wake)
+                self.search = Worker(lambda: with_ghosts(scene), "Looking for passers-by", context.session.loads.wake,
+                                     niceness=BESIDE)
         elif not wanted and scene is self._marked and self._plain is not None:
             context.session.show_variant(self._plain)
 
