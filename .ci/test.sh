@@ -16,7 +16,7 @@ unset PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: each wo
 # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
 export LP_NUM_THREADS=1
 
-JOBS=(window unit-1 unit-2 unit-3 gl rest hostile lint)  # the longest first, so that the last ones end together
+JOBS=(unit-1 window-1 window-2 gl unit-3 unit-2 rest lint hostile)  # the longest first, so that the last ones end together
 MARKS=(-m "not long")
 if [[ -n ${TEST_LONG:-} ]]; then
     MARKS=()
@@ -77,7 +77,8 @@ run_job() {
         unit-1) tests tests/unit/{grid,interface,picture,program,readers,render} ;;
         unit-2) tests tests/unit/{bench,commands,common,exporting} ;;
         unit-3) tests tests/unit/{lab,model,window,work} ;;
-        window) tests tests/window ;;
+        window-1) tests tests/window/test_[a-q]*.py ;;
+        window-2) tests tests/window/test_[r-z]*.py ;;
         gl) tests tests/gl ;;
         hostile) tests tests/hostile ;;
         rest) tests tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl --ignore=tests/hostile ;;
