@@ -18,6 +18,7 @@ from ..grid.open_scene import as_paths, each_once, present, say_degrees
 from ..grid.place.own_processes import largest_first, own_processes
 from ..grid.scene import Scene
 from ..preprocess.scan_description import ScanWarning, WarningTopic
+from ..readers.grid_folder import is_grid
 
 _log = logging.getLogger(__name__)
 _NAMED = 8  # scans that could not be read and are named besides the first: nine paths of 100 characters fill ten rows of 24
@@ -68,7 +69,8 @@ def scans_in(paths: list[Path]) -> list[Path]:
 
     found: list[Path] = []
     for path in as_paths(paths):
-        inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
+        own = path.is_dir() and not is_grid(path)  # a grid is refused where it is read
+        inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if own else [path]
         if not inside:
             raise InputError("holds no scan", file=path,
                              remedy=f"name its .txt, .csv and .asc files one by one, or give an {KNOWN}")

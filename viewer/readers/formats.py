@@ -108,11 +108,13 @@ def _is_beside(path: Path, row: Format) -> bool:
 
 
 def scans_inside(path: Path) -> list[Path]:
-    """The scans in a folder that is no scan itself, by name; none for any other path."""
+    """The scans in a folder that is no scan itself, by name; where it has none, the grids that ``convert --each`` made in it;
+    none for any other path."""
     if not path.is_dir() or is_grid(path) or entry_of(path) != path:
         return []
     try:
-        return [file for file in sorted(path.iterdir()) if not file.name.startswith(".") and is_scan(file)]
+        inside = [file for file in sorted(path.iterdir()) if not file.name.startswith(".")]
+        return [file for file in inside if is_scan(file)] or [file for file in inside if is_grid(file)]
     except OSError:
         return []
 

@@ -1,5 +1,6 @@
 """The folder of ``convert``: links are followed, and only a grid is ever replaced."""
 
+import json
 import os
 from pathlib import Path
 
@@ -126,3 +127,19 @@ def test_a_scan_given_by_two_paths_is_opened_once(tmp_path, monkeypatch):
     assert open_scene(["a.ply", scan, "./a.ply", "link.ply"], cache=False).count == 2000
     assert scans_in([Path("."), tmp_path, Path("link.ply")]) == [Path("a.ply")]
     assert [folder.name for folder in convert_each([Path("."), tmp_path / "link.ply"], tmp_path / "out")] == ["a"]
+
+
+def test_the_folder_of_the_grids_of_each_scan_is_one_place(tmp_path, capsys):
+    (tmp_path / "scans").mkdir()
+    for number, name in enumerate("ab"):
+        xyz, rgb = surface(2000 + number)
+        write_ply(tmp_path / "scans" / f"{name}.ply", xyz + (number, 0, 0), rgb)
+    grids = str(tmp_path / "grids")
+    assert main(["convert", "--each", str(tmp_path / "scans"), "--out", grids]) == 0
+    capsys.readouterr()
+    assert main(["info", grids, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["points"] == 4001
+    assert main(["convert", "--each", grids, "--out", str(tmp_path / "again")]) == 2
+    assert "a folder made by convert is not a scan; give the scans it was made from" in capsys.readouterr().err
+    write_ply(tmp_path / "grids" / "c.ply", *surface(500))  # scans beside grids are those that are meant
+    assert open_scene(grids, cache=False).count == 500
