@@ -66,17 +66,17 @@ def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
 
 
 @compiled(nogil=True)
-def residuals(xyz, value, starts, near, far, reach):
+def residuals(xyz, value, starts, near, far, reach, first, last):
     """Residuals of points' values from the plane fitted to their neighbours' values, scaled to the variance of one point.
 
     xyz: (n, 3) float32, near the origin.  value: (n,) float32.  starts: (S + 1,) int64, start of each segment (the points of
     one group in one neighbourhood).  Neighbours are the nearest points of the same segment, whose points ascend in x, so that
     the search ends early.  Writes near and far (n,) float32 for one point in STRIDE, from NEAR and FAR neighbours (fewer in
     smaller segments, which must have at least three points), and reach (n,) float32, the squared spacing of the points around
-    it, by the area that its neighbours take.
+    it, by the area that its neighbours take.  Only segments from number ``first`` to before ``last`` are looked at.
     """
     index, square = np.empty(FAR, np.int64), np.empty(FAR, np.float32)
-    for s in range(len(starts) - 1):
+    for s in range(first, last):
         begin, end = starts[s], starts[s + 1]
         for i in range(begin, end, STRIDE):
             found, worst = 0, np.float32(np.inf)

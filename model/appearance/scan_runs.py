@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..common.jit import compiled
+from .scan_run_kernels import alternate, numbered, voxel_keys
 from .spacing import median_spacing
 
 BLOCKS = (8192, 2048, 512, 128, 32)
@@ -29,16 +30,10 @@ scans changes by at most 0.1 %, with twice the runs of one are not found."""
 LOG_OFFSET = 8.0
 """Added to sRGB values before their logarithm, so that noise in dark colours has little influence.  Half or twice changes the
 error of the gains of the same scans by at most 0.5 %."""
-HUBER_LIMIT = 0.1
-"""Difference of log values beyond which a point counts as an outlier of its voxel, an edge or a mixed pixel.  With half the
-runs of the same scans are not found, with twice they are, with the same error of the gains within 0.03 %."""
-PRIOR_POINTS = 4.0
-"""Weight, in points, of the prior that holds a block's gain at 1.  With half the error of the gains of the same scans is the
-same, with twice the runs of one are not found."""
-SETTLE_ITERATIONS, PREVIEW_ITERATIONS, ITERATIONS = 3, 5, 10
-"""Iterations before gains change, of the preview that chooses a block length, and of the final solution.  One or six of the
-first change the error of the gains of the same scans by at most 0.01 %.  With two of the preview the runs of one of the same
-scans are not found, with ten the result is the same; half or twice of the final ones changes the error by at most 0.3 %."""
+PREVIEW_ITERATIONS, ITERATIONS = 5, 10
+"""Iterations of the preview that chooses a block length, and of the final solution.  With two of the preview the runs of one of
+the same scans are not found, with ten the result is the same; half or twice of the final ones changes the error by at most
+0.3 %."""
 PREVIEW_SHARE, PREVIEW_ALL_BELOW, PREVIEW_CELLS = 8, 100_000, 64
 """The preview uses one region in PREVIEW_SHARE, with PREVIEW_CELLS regions along the longest side; samples of fewer than
 PREVIEW_ALL_BELOW points are used completely."""
@@ -49,8 +44,6 @@ MAX_TINT = 0.35
 0.07 in a merged scan of a studio, 0.5 and more where leaves and bark, or squares of a colour chart, were written separately."""
 MIN_POINTS = 1000
 """Fewest points for an estimate.  Chosen by hand."""
-_AXIS_BITS = 21
-"""Bits of a voxel's coordinate.  A scan wider than 2**21 voxels wraps around, which only merges distant voxels."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +76,7 @@ def solve_run_gains(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> RunGain
 
     xyz: (N, 3) float64.  rgb: (N, 3) uint8, none black.  at: (N,) positions in the file, in any order.
     """
-    order = np.argsort(at, kind="stable")
+    order = np.argsort(at)  # all differ: any way of sorting gives the same order
     at = at[order].astype(np.float64)
     nothing = np.zeros(1), np.ones((1, 3))
     if len(at) < MIN_POINTS:
@@ -108,13 +101,13 @@ class _Sample:
     """Points with their voxels, for solutions with different block lengths."""
 
     def __init__(self, xyz: np.ndarray, rgb: np.ndarray, edge: float):
-        _, self._voxel = np.unique(_voxels(xyz, edge), return_inverse=True)
+        self._voxel = numbered(voxel_keys(xyz, edge))
         self._log = np.log(rgb.astype(np.float32) + np.float32(LOG_OFFSET))
 
     def solve(self, block: np.ndarray, iterations: int) -> tuple[float, np.ndarray]:
         """Share of the variance within voxels that remains, and log gains (K, 3).  block: (N,) block numbers 0..K-1."""
         gains = np.zeros((int(block.max(initial=0)) + 1, 3))
-        before, after = _alternate(self._log, self._voxel, block, int(self._voxel.max(initial=0)) + 1, gains, iterations)
+        before, after = alternate(self._log, self._voxel, block, int(self._voxel.max(initial=0)) + 1, gains, iterations)
         return float(after / before) if before > 0 else 1.0, gains
 
 
@@ -123,18 +116,9 @@ def _regions(xyz: np.ndarray) -> np.ndarray:
     if len(xyz) < PREVIEW_ALL_BELOW:
         return np.ones(len(xyz), bool)
     edge = max(float(np.ptp(xyz[:, axis])) for axis in range(3)) / PREVIEW_CELLS or 1.0
-    mixed = _voxels(xyz, edge).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    mixed = voxel_keys(xyz, edge).view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     some = (mixed >> np.uint64(40)) % np.uint64(PREVIEW_SHARE) == 0
     return some if np.count_nonzero(some) * 4 * PREVIEW_SHARE > len(xyz) else np.ones(len(xyz), bool)
-
-
-def _voxels(xyz: np.ndarray, edge: float) -> np.ndarray:
-    """(N,) int64: voxel number of each point."""
-    key = np.zeros(len(xyz), np.int64)
-    for axis in range(3):
-        steps = np.floor((xyz[:, axis] - xyz[:, axis].min()) / edge)
-        key = (key << _AXIS_BITS) | np.fmod(steps, 1 << _AXIS_BITS).astype(np.int64)
-    return key
 
 
 @compiled(nogil=True)
@@ -152,51 +136,3 @@ def _apply(rgb, first, at, factors, changed):
             factor = factors[k, c] + t * (factors[after, c] - factors[k, c])
             value = np.rint((rgb[i, c] + LOG_OFFSET) * factor - LOG_OFFSET)
             changed[i, c] = min(max(value, 1.0), 255.0) if lit else 0
-
-
-@compiled(nogil=True)
-def _alternate(log, voxel, block, voxels, gains, iterations):
-    """Alternates between the means of voxels and the log gains (K, 3) of blocks, which are written to ``gains``.
-
-    Returns the variance before and after: with Huber weights, over the voxels that several blocks share.
-    """
-    count, blocks = len(voxel), len(gains)
-    weight = np.ones(count, np.float32)
-    first, shared = np.full(voxels, -1, np.int64), np.zeros(voxels, np.bool_)
-    for i in range(count):
-        v = voxel[i]
-        if first[v] < 0:
-            first[v] = block[i]
-        elif first[v] != block[i]:
-            shared[v] = True
-    means, sums = np.zeros((voxels, 3)), np.zeros(voxels)
-    change, total = np.zeros((blocks, 3)), np.zeros(blocks)
-    rest = np.zeros(3)
-    before = after = 0.0
-    for iteration in range(-SETTLE_ITERATIONS, iterations + 1):  # means and weights settle first, or gains would get the credit
-        means[:], sums[:], change[:], total[:], after = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(count):
-            sums[voxel[i]] += weight[i]
-            for c in range(3):
-                means[voxel[i], c] += weight[i] * (log[i, c] - gains[block[i], c])
-        for i in range(count):
-            v, b = voxel[i], block[i]
-            if not shared[v]:
-                continue
-            absolute = square = 0.0
-            for c in range(3):
-                rest[c] = log[i, c] - gains[b, c] - means[v, c] / sums[v]
-                absolute += abs(rest[c]) / 3
-                square += rest[c] * rest[c]
-            weight[i] = min(HUBER_LIMIT / max(absolute, 1e-9), 1.0)
-            after += weight[i] * square
-            total[b] += weight[i]
-            for c in range(3):
-                change[b, c] += weight[i] * rest[c]
-        if iteration == 0:
-            before = after
-        if 0 <= iteration < iterations:
-            for b in range(blocks):
-                for c in range(3):
-                    gains[b, c] += change[b, c] / (total[b] + PRIOR_POINTS)
-    return before, after

@@ -48,17 +48,26 @@ class ExposureCompensation:
         """Keeps a share of the chunk's points, unless it has no colour.  first: running number of its first point."""
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
-        pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
-        xyz = chunk.xyz.take(pick, axis=0)  # three times as fast as chunk.xyz[pick]
+        pick = self._drawn(len(chunk.xyz))
+        xyz, rgb = _taken(chunk.xyz, pick), _taken(chunk.rgb, pick)
         if not (usable := is_position(xyz)).all():
-            pick, xyz = pick[usable], xyz[usable]
+            pick, xyz, rgb = np.arange(len(chunk.xyz))[pick][usable], xyz[usable], rgb[usable]
         number = self._numbers(source, first, chunk, pick)
-        self._parts.append((xyz, chunk.rgb.take(pick, axis=0), number, first + pick))
-        self._held += len(pick)
+        at = np.arange(first, first + len(chunk.xyz)) if isinstance(pick, slice) else first + pick
+        self._parts.append((xyz, rgb, number, at))
+        self._held += len(xyz)
         while self._held > 2 * SAMPLE:
             self._share /= 2
             self._parts = [self._halved(part) for part in self._parts]
             self._held = sum(len(part[0]) for part in self._parts)
+
+    def _drawn(self, count: int) -> np.ndarray | slice:
+        """Which of ``count`` points are kept: those whose random number from 0 to 1 is below the share, a power of two."""
+        bits = self._rng.bit_generator
+        if self._share == 1.0:
+            bits.advance(count)  # type: ignore[attr-defined]  # as if numbers were drawn, so that the next are the same
+            return _ALL
+        return np.flatnonzero(bits.random_raw(count) < np.uint64(2.0**64 * self._share))
 
     def _halved(self, part: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         chosen = self._rng.permutation(len(part[0]))[::2]
@@ -93,7 +102,7 @@ class ExposureCompensation:
         xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
         del parts
         shift = np.array([shifts[key[0]] for key in self._number], np.uint8)  # in the order of the stations' numbers
-        rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
+        rgb = (rgb >> (shift[number][:, None] if np.ptp(shift) else shift[0])).astype(np.uint8)
         self._sample = xyz, rgb, number, at
         if len(self._number) == 1:
             self._alone = self._runs(xyz, rgb, number, at)
@@ -167,6 +176,11 @@ def _distinct(ids: np.ndarray, pick: np.ndarray | slice) -> tuple[np.ndarray, np
     place = np.zeros(int(different[-1]) + 1, np.int64)
     place[different] = np.arange(len(different))
     return different, place[ids[pick]]
+
+
+def _taken(values: np.ndarray, pick: np.ndarray | slice) -> np.ndarray:
+    """A copy of the rows at ``pick``; three times as fast as values[pick]."""
+    return values[pick].copy() if isinstance(pick, slice) else values.take(pick, axis=0)
 
 
 def _multiplied(rgb: np.ndarray, gains: np.ndarray) -> np.ndarray:

@@ -15,6 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from .scan_line_kernels import through
+
 # Constants without another origin were chosen by hand and checked on the rooms of the tests.
 WINDOW = 512
 """Consecutive points that are examined together."""
@@ -125,8 +127,7 @@ def _meeting(middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def _through(places: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """(K, P) bool: which planes pass through which of (K, 3) positions."""
-    way = places[:, None] - middle
-    return np.abs((way * normal).sum(axis=2)) < _TOLERANCE * np.linalg.norm(way, axis=2)
+    return through(places, middle, normal, _TOLERANCE)
 
 
 def _search(middle: np.ndarray, normal: np.ndarray, random: np.random.Generator) -> np.ndarray:

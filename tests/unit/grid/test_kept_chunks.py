@@ -35,7 +35,8 @@ def files(tmp_path, seed, monkeypatch):
 def counted_decodings(monkeypatch) -> list[str]:
     """Names of the formats whose points are decoded from now on."""
     decoded, blocks, columns = [], laz_points.LazPoints.blocks, e57_source.E57Source._columns
-    monkeypatch.setattr(laz_points.LazPoints, "blocks", lambda *given: decoded.append("LAZ") or blocks(*given))
+    monkeypatch.setattr(laz_points.LazPoints, "blocks",
+                        lambda *given, **more: decoded.append("LAZ") or blocks(*given, **more))  # fmt: skip
     monkeypatch.setattr(e57_source.E57Source, "_columns",
                         lambda *given, **more: decoded.append("E57") or columns(*given, **more))  # fmt: skip
     return decoded

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swept_room import PLACES, pictures, sweep
 
+from pointglass.viewer.preprocess.scan_line_kernels import through
 from pointglass.viewer.preprocess.scan_lines import WINDOW, find_stations
 
 
@@ -72,3 +73,13 @@ def test_all_stations_of_registered_rooms_are_found(room, registered_scan):
     begins = np.append(0, np.flatnonzero(np.diff(station)) + 1) / len(xyz)
     some = np.random.default_rng(0).random(len(xyz)) < 0.3
     assert_found(xyz[some], begins, np.asarray(scan.places), 0.02)
+
+
+def test_planes_pass_through_the_positions_that_numpy_finds(seed):
+    rng = np.random.default_rng(seed)
+    places, middle, normal = rng.normal(size=(30, 3)) * 100, rng.normal(size=(40, 3)) * 50, rng.normal(size=(40, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    way = places[:, None] - middle
+    expected = np.abs((way * normal).sum(axis=2)) < 0.1 * np.linalg.norm(way, axis=2)
+    assert 0 < expected.sum() < expected.size
+    np.testing.assert_array_equal(through(places, middle, normal, 0.1), expected)

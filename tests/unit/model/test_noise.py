@@ -57,7 +57,7 @@ def test_residuals_are_those_of_a_plane_through_the_neighbours(seed):
         xyz[a:b] = xyz[a:b][np.argsort(xyz[a:b, 0])]
     value = random.random(len(xyz)).astype(np.float32)
     near, far, reach = np.full((3, len(xyz)), 9.0, np.float32)
-    residuals(xyz.astype(np.float32), value, starts, near, far, reach)
+    residuals(xyz.astype(np.float32), value, starts, near, far, reach, 0, len(starts) - 1)
     for a, b in itertools.pairwise(starts):
         for i in range(a, b):
             if (i - a) % STRIDE:

@@ -4,17 +4,15 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from pointglass.model.appearance.scan_runs import (
-    BLOCKS,
+from pointglass.model.appearance.scan_run_kernels import (
     HUBER_LIMIT,
-    ITERATIONS,
-    LOG_OFFSET,
     PRIOR_POINTS,
     SETTLE_ITERATIONS,
-    _alternate,
-    _apply,
-    solve_run_gains,
+    alternate,
+    numbered,
+    voxel_keys,
 )
+from pointglass.model.appearance.scan_runs import BLOCKS, ITERATIONS, LOG_OFFSET, _apply, solve_run_gains
 from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
@@ -89,13 +87,23 @@ def test_few_points_in_one_place(count):
     assert not found.worthwhile
 
 
+@pytest.mark.parametrize("edge", [0.3, 1e-6])
+def test_voxels_are_those_of_numpy(seed, edge):
+    xyz = np.random.default_rng(seed).uniform(-5, 5, (2_000, 3))
+    steps = np.fmod(np.floor((xyz - xyz.min(axis=0)) / edge), 1 << 21).astype(np.int64)
+    _, expected = np.unique(steps, axis=0, return_inverse=True)
+    found = numbered(voxel_keys(xyz, edge))
+    assert found.max() == expected.max()
+    assert len(np.unique(np.stack([found, expected]), axis=1).T) == expected.max() + 1, "one number for each voxel"
+
+
 def test_the_solver_equals_its_reference_implementation(seed):
     rng = np.random.default_rng(seed)
     count, voxels, blocks = 3_000, 150, 40
     log = rng.normal(4, 0.2, (count, 3)).astype(np.float32)
     voxel, block = rng.integers(voxels, size=count), np.sort(rng.integers(blocks, size=count))
     gains = np.zeros((blocks, 3))
-    before, after = _alternate(log, voxel, block, voxels, gains, ITERATIONS)
+    before, after = alternate(log, voxel, block, voxels, gains, ITERATIONS)
     reference, weight, variances = np.zeros((blocks, 3)), np.ones(count), []
     shared = np.array([len(np.unique(block[voxel == v])) > 1 for v in range(voxels)])[voxel]
     for iteration in range(-SETTLE_ITERATIONS, ITERATIONS + 1):

@@ -122,7 +122,7 @@ class LasSource(Source):
         if only:
             names &= {*only, *(("red", "green", "blue") if "rgb" in only else ())}
         fields = reduce(or_, (FIELDS.get(name, ALL) for name in only)) if only else ALL
-        blocks = self._blocks_of(max(1, min(most, _BLOCK // self._header.point_format.size)), fields)
+        blocks = self._blocks_of(max(1, min(most, _BLOCK // self._header.point_format.size)), fields, only == _OF_CHUNK)
         while done < (self.count or 0):
             with decoding(partial(self._truncated, done)):
                 points = next(blocks, None)
@@ -141,15 +141,15 @@ class LasSource(Source):
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)
 
-    def _blocks_of(self, most: int, fields: int) -> Iterator[Any]:
-        """Yields all points as laspy holds them, up to ``most`` at a time.  fields: see LazPoints."""
+    def _blocks_of(self, most: int, fields: int, reused: bool) -> Iterator[Any]:
+        """Yields all points as laspy holds them, up to ``most`` at a time.  fields, reused: see LazPoints."""
         if self._laz is not None:
-            yield from map(self._as_points, self._laz.blocks(most, fields))
+            yield from map(self._as_points, self._laz.blocks(most, fields, reused=reused))
             return
         with self._open() as reader:
             yield from reader.chunk_iterator(most)
 
-    def _as_points(self, records: bytearray) -> Any:
+    def _as_points(self, records: bytearray | np.ndarray) -> Any:
         import laspy
 
         header = self._header

@@ -132,9 +132,11 @@ class _Answers:
         self._lazrs = lazrs
         self._key, self._decoder, self._done = None, None, 0
         self._piece: _Piece | None = None
+        self._out = bytearray()
 
     def answer(self, path: str, record: str, fields: int, chunks: list, skip: int = 0, count: int | None = None) -> bytearray:
-        """The records, one after the other.  Raises ValueError where a chunk is refused, and what lazrs raises."""
+        """The records, one after the other, in memory that the next call uses again where it needs as much.  Raises ValueError
+        where a chunk is refused, and what lazrs raises."""
         described, chosen = bytes.fromhex(record), self._lazrs.DecompressionSelection(fields)
         length = sum(size for _, size, _ in items_of(described))
         if count is not None:
@@ -142,7 +144,10 @@ class _Answers:
             if self._key != key or not 0 < self._done <= skip:
                 self._begin(path, described, chosen, *chunks[0])
             return self._part(key, skip, bytearray(count * length), length)
-        out = bytearray(sum(points for _, _, points in chunks) * length)
+        size = sum(points for _, _, points in chunks) * length
+        if len(self._out) != size:
+            self._out = bytearray(size)
+        out = self._out
         data = bytearray()
         with open(bytes.fromhex(path), "rb") as file:
             for place, held, _ in chunks:
