@@ -31,11 +31,12 @@ from ..readers.grid_folder import META as _META
 from ..readers.moved_source import Moves, moves_of_files
 from .building.grid_threads import processors
 from .checksum import checksum
+from .column_files import ColumnFiles
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
 from .mapped_array import mapped
 from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
-from .scratch_folder import move, reserve, scratch
+from .scratch_folder import move, scratch
 
 # Versions of: the decision on colours, the order of points and the measure of their spacing, the estimate of noise, the packing
 # of attributes, the running numbers of points.  They are part of the cache key: a change rebuilds cached grids.  Folders made
@@ -190,27 +191,19 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     """
     identity = _identity(files)
     with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY, files) as work:
-        # the points are written to their file directly: the system writes the pages back, and memory stays bounded
-        scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape), folder=work)
+        columns = ColumnFiles(work, _ARRAYS)
+        scene = build(files, columns.allocate, folder=work)
         _write(work, scene, identity)
         if identity != _identity(files):
             raise InputError("changed while it was read", file=files[0], remedy="try again")
         with stage("writing the grid"):
-            _release(scene)
-        del scene
+            del scene
+            columns.write()
         restrict(work, files)
         if keep_old and folder.exists() and (name := foreign_file(folder)):
             raise InputError(f"holds other files ({name})", file=folder, remedy="give a new or empty folder")
         move(work, folder)
     return _read(folder, identity)
-
-
-def _column_file(work: Path, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    file = work / f"{name}.npy"
-    column = np.lib.format.open_memmap(file, "w+", _ARRAYS[name], shape)
-    with file.open("r+b") as opened:
-        reserve(opened.fileno(), file.stat().st_size, work)
-    return column
 
 
 def _columns_of(scene: Scene) -> dict[str, np.ndarray]:
@@ -279,12 +272,6 @@ def checksums(points: np.ndarray, records: PointRecords | None = None) -> tuple[
     finally:
         pool.shutdown(cancel_futures=True)
     return sums, of_records
-
-
-def _release(scene: Scene) -> None:
-    for column in _columns_of(scene).values():
-        if isinstance(column, np.memmap):
-            column.flush()
 
 
 @contextmanager
