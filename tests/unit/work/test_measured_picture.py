@@ -7,8 +7,10 @@ from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.picture.drawn_lines import clipped, in_front, label_places
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
+from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.pictures.drawn_over import with_shapes
 from pointglass.viewer.work.pictures.measured_picture import with_measurements
+from pointglass.viewer.work.pictures.noted_picture import mark_areas
 
 ACCENT = np.array([92, 196, 192])
 
@@ -106,6 +108,23 @@ def test_a_crowd_of_labels_of_measurements_and_notes_lies_apart(seed):
     assert len(taken) == 12
     for number, (x, y, width, height) in enumerate(taken):
         assert x >= 0 and y >= 0 and x + width <= 960 and y + height <= 720
+        for a, b, w, h in taken[:number]:
+            assert x + width <= a or a + w <= x or y + height <= b or b + h <= y
+
+
+def test_labels_of_measurements_leave_the_marks_of_notes_free(seed):
+    """Over a saved picture: the notes are drawn last, and their marks covered labels."""
+    random = np.random.default_rng(seed)
+    view = camera(random, 960, 720)
+    measurements = [between(view, *random.uniform([200, 200], [760, 520], (2, 2))) for _ in range(3)]
+    at = [np.mean([point.position for point in measurement.points], axis=0) for measurement in measurements]
+    corner = view.project(at)[0] + (25.0, -20.0)  # where a label goes first
+    notes = [Annotation("", vector(place)) for place in view.unproject(corner, np.full(3, 5.0))]
+    taken = mark_areas(view, notes)
+    assert np.allclose(np.array(taken)[:, :2] + np.array(taken)[:, 2:] / 2, corner, atol=1e-3)
+    with_measurements(np.zeros((720, 960, 3), np.uint8), view, measurements, "m", taken)
+    assert len(taken) == 6
+    for number, (x, y, width, height) in enumerate(taken[3:], 3):
         for a, b, w, h in taken[:number]:
             assert x + width <= a or a + w <= x or y + height <= b or b + h <= y
 

@@ -12,7 +12,7 @@ from ...render.raster.edit_block import ends_of
 from ...work.comparing.scene_changes import changes_of
 from ...work.measuring.measure_text import unit_name
 from ...work.pictures.measured_picture import with_measurements
-from ...work.pictures.noted_picture import with_notes
+from ...work.pictures.noted_picture import mark_areas, with_notes
 from ...work.pictures.picture_legend import with_legend
 from ...work.pictures.picture_scale_bar import with_scale_bar
 from ...work.pictures.points_legend import change_legend, legend_of
@@ -20,7 +20,6 @@ from ...work.pictures.points_legend import change_legend, legend_of
 if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
-    from ...picture.drawn_lines import Area
     from ...render.renderer import Renderer
     from ...work.comparing.distance_statistics import Statistics
     from ...work.document import Document
@@ -45,8 +44,8 @@ class ViewPictures:
         self._unit, self._edits, self._changes = unit_name(scene.meta.metres_per_unit), edits, changes_of(scene, edits)
         if self._changes is not None:
             self._edits = replace(edits, changes=self._changes.levels)
-        self._drawn: dict[tuple, tuple[np.ndarray, list[Area]]] = {}
-        """Of views without their notes: many notes are written from one place.  And where labels lie."""
+        self._drawn: dict[tuple, np.ndarray] = {}
+        """Views with nothing drawn over them: many notes are written from one place."""
 
     def picture(self, view: "Viewpoint", notes: "tuple[Annotation, ...]", numbers: tuple[int, ...]) -> np.ndarray:
         """(H, W, 3) uint8: the view with all measurements and these notes.  numbers: of the notes, from 0."""
@@ -58,12 +57,12 @@ class ViewPictures:
             if len(self._drawn) >= _KEPT:
                 del self._drawn[next(iter(self._drawn))]
             spec = PictureSpec(camera, document.settings, edits=self._edits, background=document.background)
-            taken: list[Area] = []
-            picture = with_measurements(picture_of(self._renderer, spec), camera, document.measurements, self._unit, taken)
-            picture = with_scale_bar(picture, camera, self._renderer.scene.meta.metres_per_unit)
-            legend = self._legend(camera)
-            self._drawn[key] = picture if legend is None else with_legend(picture, legend), taken
-        picture, taken = self._drawn[key]
+            self._drawn[key] = picture_of(self._renderer, spec)
+        taken = mark_areas(camera, notes)
+        picture = with_measurements(self._drawn[key], camera, document.measurements, self._unit, taken)
+        picture = with_scale_bar(picture, camera, self._renderer.scene.meta.metres_per_unit)
+        if (legend := self._legend(camera)) is not None:
+            picture = with_legend(picture, legend)
         return with_notes(picture, camera, notes, numbers, taken)
 
     @property

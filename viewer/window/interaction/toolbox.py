@@ -123,6 +123,7 @@ class Toolbox:
                 shown.draw(overlay, context)
         for tool in dict.fromkeys((self.active, self.fly)):
             tool.draw(overlay, context)
+        overlay.lay_labels()
         if self.active.cursor == "crosshair" and context.session.pointer is not None:
             overlay.crosshair(context.session.pointer)
             if text := self.active.hint(context):

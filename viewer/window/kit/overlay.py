@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from ...picture.drawn_lines import clipped, in_front, kept_inside, label_places
+from ...picture.drawn_lines import Area, clipped, in_front, kept_inside, label_places
 from . import theme
 from .theme import Theme, packed
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 _EDGE = 4.0  # design units between a plate and the edge of the picture
+_GAP = 10.0  # design units from a point to its label
+_REACHES = (1.0, 2.5, 4.0)  # multiples of the gap in which room is looked for
 Shape = Literal["dot", "ring", "cross", "square", "diamond", "block"]
 
 
@@ -27,6 +29,7 @@ class OverlayCanvas:
     """camera: of the picture.  area: the picture's left, top, width, height in pixels of the interface.
 
     draw_list: imgui's; its clip rectangle is set to ``area`` until :meth:`end`.
+    Labels are laid out once all marks are drawn (:meth:`lay_labels`), so that no label lies over another, or over a mark.
     """
 
     def __init__(self, draw_list: Any, camera: "Camera", style: Theme, area: tuple[float, float, float, float]):
@@ -34,10 +37,13 @@ class OverlayCanvas:
         left, top, width, height = area
         self._scale = np.array([width / camera.width, height / camera.height])
         self._origin = np.array([left, top])
+        self._taken: list[Area] = []  # where marks and plates lie
+        self._waiting: list[tuple[np.ndarray, Sequence[str], str]] = []
         draw_list.push_clip_rect(ImVec2(left, top), ImVec2(left + width, top + height), True)
 
     def end(self) -> None:
-        """Restores the draw list."""
+        """Draws the labels that wait, and restores the draw list."""
+        self.lay_labels()
         self.draw_list.pop_clip_rect()
 
     def place(self, points) -> tuple[np.ndarray, np.ndarray]:
@@ -93,6 +99,9 @@ class OverlayCanvas:
     def mark(self, at: tuple[float, float], colour: str = "accent", size: float = 5.0, shape: Shape = "dot") -> None:
         """A mark at a position of the interface."""
         x, y, r, draw = float(at[0]), float(at[1]), self.theme.px(size), self.draw_list
+        if shape != "ring":  # which follows the pointer: labels would jump
+            half = min(1.3 * r, self.theme.px(_GAP - 1.0))  # the label of the marked point itself has room in its corners
+            self._taken.append((x - half, y - half, 2 * half, 2 * half))
         edge, line = _shade("shade"), max(self.theme.px(2.0), 1.0)
         if shape in ("dot", "ring"):
             if shape == "dot":
@@ -140,14 +149,21 @@ class OverlayCanvas:
             self.text(tuple(places[0] + shift), text, colour, align=align)
 
     def labels(self, points, texts: "Sequence[str]", colour: str = "text") -> None:
-        """Labels of world points, none over another: each in the first free corner of its point, the nearest points first; a
-        label without a free corner is left out."""
-        places, _ = self.place(points)
-        sizes = [self._plate((0.0, 0.0), text, (0.0, 0.0))[2:] for text in texts]
-        px = self.theme.px
-        found = label_places(places, self.camera.project(points)[1], sizes, px(10.0), self.area, px(_EDGE))
-        for number, at in found.items():
-            self.text(at, texts[number], colour)
+        """Labels of world points, over no mark and no other label: each in the first free corner of its point, the nearest
+        points first; a label without room near its point is left out."""
+        self._waiting.append((np.asarray(points, np.float64).reshape(-1, 3), texts, colour))
+
+    def lay_labels(self) -> None:
+        """Draws the labels that wait for the marks, those asked for first first."""
+        waiting, self._waiting = self._waiting, []
+        gap, edge = self.theme.px(_GAP), self.theme.px(_EDGE)
+        for points, texts, colour in waiting:
+            places, _ = self.place(points)
+            sizes = [self._plate((0.0, 0.0), text, (0.0, 0.0))[2:] for text in texts]
+            depths = self.camera.project(points)[1]
+            found = label_places(places, depths, sizes, gap, self.area, edge, self._taken, _REACHES)
+            for number, at in found.items():
+                self.text(at, texts[number], colour)
 
     def divider(self, x: float) -> None:
         """A vertical line across the picture at a position of the interface."""
@@ -167,7 +183,8 @@ class OverlayCanvas:
         """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies
         at ``at``; (0, 0) its top left corner, (1, 1) its bottom right one."""
         px = self.theme.px
-        x, y, width, height = self._plate(at, text, align)
+        x, y, width, height = plate = self._plate(at, text, align)
+        self._taken.append(plate)
         self.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(4))
         self.draw_list.add_text(ImVec2(x + px(7), y + px(3)), _shade(colour), text)
 

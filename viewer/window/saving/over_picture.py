@@ -9,7 +9,7 @@ from ...common.text import counted
 from ...picture.drawn_lines import Area
 from ...work.measuring.measure_text import labels_of, unit_name
 from ...work.pictures.measured_picture import with_measurements
-from ...work.pictures.noted_picture import with_notes
+from ...work.pictures.noted_picture import mark_areas, with_notes
 from ...work.pictures.picture_legend import Legend, with_legend
 from ...work.pictures.picture_scale_bar import with_scale_bar
 from ..session.colour_legend import shown_legend
@@ -36,7 +36,7 @@ class OverPicture:
 
     def drawn(self, picture: "np.ndarray", camera: "Camera") -> "np.ndarray":
         """The picture, (H, W, 3 or 4) uint8, with it.  camera: at the picture's size."""
-        taken: list[Area] = []
+        taken: list[Area] = mark_areas(camera, self.notes)
         picture = with_measurements(picture, camera, self.measurements, self.unit, taken)
         picture = with_notes(picture, camera, self.notes, taken=taken)
         if self.scale_bar:

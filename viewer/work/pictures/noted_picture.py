@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..notes.annotation import STATUSES
-from .drawn_over import EDGE, with_shapes
+from .drawn_over import EDGE, unit_length, with_shapes
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
@@ -17,12 +17,23 @@ _MARK, _RIM = 6.0, 1.5
 """Half the width of a mark, and of its dark rim, design units (:mod:`.drawn_over`)."""
 
 
+def mark_areas(camera: "Camera", notes: "Sequence[Annotation]") -> "list[Area]":
+    """Where the marks of notes lie in a picture of the camera's size, pixels: no label is to be put there."""
+    if not notes:
+        return []
+    half = (_MARK + _RIM) * unit_length(camera.height)
+    places, depths = camera.project(np.array([note.position for note in notes]))
+    with np.errstate(invalid="ignore"):
+        seen = places[(depths > 0) & (np.abs(places) < 1e6).all(axis=1)]
+    return [(x - half, y - half, 2 * half, 2 * half) for x, y in seen.tolist()]
+
+
 def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotation]", numbers: Sequence[int] = (),
                taken: "Sequence[Area]" = ()) -> np.ndarray:
     """The picture with notes over it.
 
     picture: (H, W, 3) or (H, W, 4) uint8, premultiplied; it is not changed.  camera: of it, at its size.  numbers: of the
-    notes, from 0; none: all are given, in order.  taken: where other labels lie, pixels.
+    notes, from 0; none: all are given, in order.  taken: where other labels and marks lie, pixels.
     """
     if not notes:
         return picture

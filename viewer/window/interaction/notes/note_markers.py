@@ -28,7 +28,7 @@ class NoteMarkers(Overlay):
         seen = np.flatnonzero(inside).tolist()
         if seen:
             overlay.labels([notes[number].position for number in seen], [notes[number].title(number) for number in seen])
-        for number in seen:  # above the labels, which cover none
+        for number in seen:
             overlay.mark(at[number], COLOUR_OF[notes[number].status], SIZE, "block")
 
 
