@@ -43,7 +43,7 @@ MAX_TINT = 0.35
 """Limit of the log of a channel's gain relative to the mean of the three, for 95 % of the blocks where runs differ in exposure:
 0.07 in a merged scan of a studio, 0.5 and more where leaves and bark, or squares of a colour chart, were written separately."""
 MIN_POINTS = 1000
-"""Fewest points for an estimate.  Chosen by hand."""
+"""Fewest points for an estimate: a standard deviation of so many has a standard error of 1 / sqrt(2000), 2 %."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from ...model.common.system import available_memory
 from ..picture.settings import Memory
 
 POOL = Memory(gpu=2 << 30)
-"""Limit of the points' memory, so that a billion points can be viewed with gigabytes to spare.  Chosen by hand."""
+"""Limit of the points' memory, so that a billion points, 12 GB, are viewed with a sixth of them at a time."""
 POINT_BYTES = 12
 """Bytes of a packed point."""
 _OVERHEAD = 1.1

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from ..grid.scene import Scene
 
 _NEAR = 10.0
-"""Point spacings within which a measured point must lie; chosen by hand: farther off, another surface may be meant."""
+"""Point spacings within which a measured point must lie: farther off, another surface may be meant.  Where points are a
+hundred times sparser than in the median of the scan, a place on the surface has one so near with 1 - exp(-pi), 96 %."""
 
 
 def fit_surface(scene: Scene, position: npt.ArrayLike, kind: str) -> Fit:

@@ -25,7 +25,7 @@ from .state_folder import state_dir
 
 OURS = re.compile(r"^\..*\.([0-9a-f]{8}|[0-9a-f]{16})\.\d+(\.old\.\d+)?\.(partial(\.[^.]{1,20})?|tmp)$|^\..+\.\d+\.partial$")
 """Names of temporary files and folders, those of earlier versions included."""
-_TRIES = 100  # attempts to create one that no other process sweeps before it is locked; chosen by hand
+_TRIES = 100  # attempts to create one that no other process sweeps in the moment before it is locked; a guard against no end
 _ABANDONED = 7 * 24 * 3600.0
 """Seconds without a change after which one counts as abandoned without locks: less than the 10 days after which
 systemd-tmpfiles removes it from /tmp; building a grid takes 1.7 s of a processor a million points (studio.laz), so 350 billion

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FILLED = "filled"
 """Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
 SIZE = (960, 720)
-"""Size of the evaluated pictures, pixels.  Chosen by hand."""
+"""Size of the evaluated pictures, pixels: the smaller one of the paper's table."""
 VIEWS = 8
 """Default number of viewpoints: the benches' named views."""
 _IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "paper_table": False,

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
 
 STATIONS = 4
-"""Number of stations that are withheld, one at a time: those with the most points.  Chosen by hand."""
+"""Number of stations that are withheld, one at a time: those with the most points.  For each the grid of the
+scan is built once more."""
 LEAST_SHARE = 0.02
 """Least share of the points that a withheld station must have, and that must remain without it.  Chosen by hand."""
 

@@ -12,7 +12,7 @@ from ...common.errors import InputError
 HELD_OUT_EVERY = 5
 """Every fifth photograph or viewpoint is held out from training for the evaluation.  Chosen by hand."""
 DENSITIES = (1.0, 0.25)
-"""Shares of the points in the evaluation.  Chosen by hand."""
+"""Shares of the points in the evaluation: all, and those of twice the spacing."""
 
 
 @dataclass(frozen=True, eq=False)

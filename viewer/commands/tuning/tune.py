@@ -19,7 +19,7 @@ from ...common.replaced_files import replaced_told
 from .material import HeldOutPicture, Material
 
 RATE = 1e-4
-"""Learning rate.  Chosen by hand."""
+"""Learning rate: a fifth of that of the recipe's last stages (model.train.recipes), from which the weights come."""
 
 
 @torch.inference_mode()

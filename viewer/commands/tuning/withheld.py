@@ -27,13 +27,14 @@ from ...common.progress import progress
 from .material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 
 VIEWPOINTS = 30
-"""Number of cameras, for training and held out: the benches' eight views, the others along their path.  Chosen by hand."""
+"""Number of cameras, for training and held out: the benches' eight views, the others along their path.  With one in five held
+out, 24 are for training and 6 are not."""
 SIZE = (640, 480)
 """Picture size, pixels: that of the larger pairs from which the shipped weights learned."""
 MOST_POINTS = 8_000_000
 """Largest number of points used: a view of 640x480 does not show more, and each point is projected into each picture."""
 PICTURES = 75
-"""Number of training pictures, split evenly between the viewpoints.  Chosen by hand."""
+"""Number of training pictures, split evenly between the viewpoints: three of each, and four of three of them."""
 LEAST_DENSITY = min(DENSITIES)
 """Least share of the points in every other training picture, that of the evaluation; the other pictures use all points."""
 LEAST_SEEN = 500

@@ -49,8 +49,8 @@ _UNPARTED = 0.75  # share of those still coinciding in finer cells from which th
 _ATTEMPTS = 4
 """Cell sizes tried at most, each up to 256 times finer: with STEPS positions a cell the last tells 2**40 places along the scan
 apart, a millimetre in 1e9 m, beyond which a coordinate is invalid."""
-_FINEST_STEPS = 1 / 16  # steps taken for a spacing that is too small to measure; chosen by hand
-_DEFAULT_SPACING = 1 / 64  # of a cell, for scans in which no two positions differ; chosen by hand
+_FINEST_STEPS = 1 / 16  # steps taken for a spacing that is too small to measure: cells of the next attempt are 256 times finer
+_DEFAULT_SPACING = 1 / 64  # of a cell, where no two positions differ: the one place has no neighbour, and any would do
 
 Allocate = Callable[[str, tuple[int, ...], type], np.ndarray]
 """Gives a writable array for a column of the points: its name in the grid's folder, shape and type."""

@@ -7,8 +7,8 @@ from time import monotonic
 from typing import Any
 
 _ANSWER_S = 1.0
-"""Seconds that the program which holds the clipboard has to answer, while this window waits.  Chosen by hand: a program that is
-busy for less still pastes, and a window that stands for longer seems to hang."""
+"""Seconds that the program which holds the clipboard has to answer, while this window waits.  One second does not interrupt a
+person's thought (Nielsen, Usability Engineering, 1993); a window that stands for longer seems to hang."""
 _SELECTION_NOTIFY = 31  # of X.h
 _EVENT_BYTES = 192  # sizeof(XEvent) of Xlib.h, with 8-byte long
 _CLIENT = ~0x1FFFFF

@@ -19,7 +19,7 @@ MOST = 15_000
 """Points of a box that are looked at, about; chosen by hand.  The spread of a diameter falls with the root of their number only
 where noise has no structure, which real surfaces have."""
 LOOKED = 4_000_000
-"""Points of the cells that meet a box, up to which all density layers are read; chosen by hand."""
+"""Points of the cells that meet a box, up to which all density layers are read: 96 MB of coordinates."""
 
 
 @dataclass(frozen=True, eq=False)

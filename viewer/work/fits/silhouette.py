@@ -25,7 +25,7 @@ SURE = 2.4
 """Where there are fewer neighbours, the share lies below one half by so many roots of their number: 4.8 standard deviations."""
 STEEPEST = 60.0
 """Degrees by which a normal leans towards the camera at most, for the rim to be taken for the contour of a curved surface: a
-pipe of which a sixth is seen ends there.  Chosen by hand."""
+pipe of which a sixth is seen, 30 degrees to each side of the view, ends there."""
 NEAR_CONTOUR = 20.0
 """Degrees by which a normal leans towards the camera at most where a curved surface goes on: nearer to its contour a click can
 hardly be.  Chosen by hand; the contour lies 6 % of the radius farther out there."""
