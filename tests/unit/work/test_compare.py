@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from plain_distances import m3c2_distances, surface_distances
 from synthetic_pipes import frame
 
 from pointglass.viewer.common.errors import InputError
@@ -15,7 +16,6 @@ from pointglass.viewer.work.comparing.distance_statistics import statistics_of
 from pointglass.viewer.work.comparing.facing import facing_of
 from pointglass.viewer.work.comparing.m3c2_kernels import m3c2_at, quantile95
 from pointglass.viewer.work.comparing.model_distances import METHOD
-from pointglass.viewer.work.comparing.plain_distances import m3c2_distances, surface_distances
 from pointglass.viewer.work.comparing.point_cells import cells_of
 from pointglass.viewer.work.comparing.surface_kernels import distances_from_surface
 
@@ -213,7 +213,7 @@ def test_the_sign_follows_stations_where_they_are_known_and_else_up():
 def test_scans_of_other_places_or_of_few_points_are_refused(seed):
     points = np.random.default_rng(seed).uniform(0, 1, (500, 3))
     with pytest.raises(InputError, match="do not overlap"):
-        compared(points, points + 5, "m3c2")
+        compared(points, points + 500, "m3c2")  # farther than a counterpart is looked for
     with pytest.raises(InputError, match="50 points"):
         compared(points, points[:50], "c2c")
 

@@ -1,11 +1,11 @@
 """Splats of points: the compiled loops equal their plain reference, the budget holds, and surfaces get no holes."""
 
 import numpy as np
+from plain_splats import cells_by_number, chosen_cells, plain_splat
 from splat_raster import draw_splats
 
 from pointglass.model.common.linear_light import to_srgb
 from pointglass.viewer.work.splats.make_splats import splats_of_points
-from pointglass.viewer.work.splats.plain_splats import cells_by_number, chosen_cells, plain_splat
 from pointglass.viewer.work.splats.shape_loops import shapes
 from pointglass.viewer.work.splats.splat_budget import Chosen, choose
 from pointglass.viewer.work.splats.splat_cell_loops import gathered_bits

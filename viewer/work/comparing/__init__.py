@@ -3,5 +3,5 @@
     point_cells (points sorted into cells) -> cloud_scale (spacing, noise, default sizes)
         -> surface_distance | m3c2 (distances along unsigned normals) -> facing (their sign) -> compare
 
-``plain_distances`` has the reference implementations of both.  Frame: file coordinates, file units.
+``tests/unit/work/plain_distances.py`` has the reference implementations of both.  Frame: file coordinates, file units.
 """

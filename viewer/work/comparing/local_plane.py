@@ -1,6 +1,6 @@
 """Compiled: the plane through the points around a place, by principal components.
 
-Frame: as viewer.work.comparing.point_cells.  Reference implementation: viewer.work.comparing.plain_distances.plane_of.
+Frame: as viewer.work.comparing.point_cells.  Reference implementation: tests/unit/work/plain_distances.py, plane_of.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Compiled: M3C2 distances (Lague, Brodu and Leroux 2013) at core points.
 
-Reference implementation: viewer.work.comparing.plain_distances.m3c2_distances.
+Reference implementation: tests/unit/work/plain_distances.py, m3c2_distances.
 """
 
 import math

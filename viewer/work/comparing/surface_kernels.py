@@ -1,6 +1,6 @@
 """Compiled: the distance of each point from the surface of another cloud, the plane through the points around its foot.
 
-Reference implementation: viewer.work.comparing.plain_distances.surface_distances.
+Reference implementation: tests/unit/work/plain_distances.py, surface_distances.
 """
 
 import math

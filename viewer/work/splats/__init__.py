@@ -3,6 +3,6 @@
     selected points -> splat_cells (an octree of cells with moments) -> splat_budget (which cells become splats)
         -> splat_shapes (place, axes and colour of each) -> view_colours (with the direction of view) -> splat_cloud
 
-``make_splats`` runs all of it for a selection; ``plain_splats`` has the reference implementations.  Frame: file coordinates
-relative to an origin, file units.
+``make_splats`` runs all of it for a selection; ``tests/unit/work/plain_splats.py`` has the reference implementations.  Frame:
+file coordinates relative to an origin, file units.
 """

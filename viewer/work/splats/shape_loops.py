@@ -1,6 +1,6 @@
 """Compiled loops: flatness of cells, and the place, axes and colour of a splat from the moments of cells.
 
-Frame and moments: as in viewer.work.splats.splat_cell_loops.  Reference implementation: viewer.work.splats.plain_splats.
+Frame and moments: as in viewer.work.splats.splat_cell_loops.  Reference implementation: tests/unit/work/plain_splats.py.
 """
 
 import math

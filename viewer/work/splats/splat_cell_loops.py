@@ -3,7 +3,7 @@
 Frame: relative to the lowest corner of the points, file units.  Moments of a cell: number of points, mean relative to the
 centre of the cell, and sums of products relative to the mean (xx, xy, xz, yy, yz, zz); of the points with a colour their
 number, mean in linear light, and the sum of squared deviations of sRGB from its mean, over the three channels.
-Reference implementation: viewer.work.splats.plain_splats.
+Reference implementation: tests/unit/work/plain_splats.py.
 """
 
 from ....model.common.jit import compiled

@@ -7,9 +7,9 @@ random points.  Frame: any that both clouds share, file units.  Normals have eit
 import numpy as np
 from scipy.spatial import KDTree
 
-from .local_plane import FEWEST
-from .m3c2_kernels import ENOUGH, GAP, LATERAL, LEAST, WIDENINGS, quantile95
-from .surface_kernels import BALANCE, BEND
+from pointglass.viewer.work.comparing.local_plane import FEWEST
+from pointglass.viewer.work.comparing.m3c2_kernels import ENOUGH, GAP, LATERAL, LEAST, WIDENINGS, quantile95
+from pointglass.viewer.work.comparing.surface_kernels import BALANCE, BEND
 
 
 def plane_of(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

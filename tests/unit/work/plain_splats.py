@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....model.common.linear_light import to_linear
-from .shape_loops import FEW, FEWEST, FLAT, LEAST_WIDTH, STRAY, THIN
+from pointglass.model.common.linear_light import to_linear
+from pointglass.viewer.work.splats.shape_loops import FEW, FEWEST, FLAT, LEAST_WIDTH, STRAY, THIN
 
 
 def cells_by_number(xyz: np.ndarray, side: float) -> dict[tuple[int, int, int], np.ndarray]:
