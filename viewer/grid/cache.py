@@ -33,7 +33,7 @@ from .building.grid_threads import processors
 from .checksum import checksum
 from .column_files import ColumnFiles
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
-from .mapped_array import mapped
+from .mapped_array import loaded, mapped
 from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, scratch
@@ -121,11 +121,11 @@ def _read(folder: Path, identity: list | None) -> Scene:
     for name, dtype in _ARRAYS.items():
         if name in _OPTIONAL and name not in header.shapes:
             continue
-        array = mapped(folder / f"{name}.npy")
+        array = (mapped if name in _COLUMNS else loaded)(folder / f"{name}.npy")
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
         if name not in _COLUMNS:
-            array = np.array(array)  # a copy, so that what was checked is used even if the file changes
+            # in memory, so that what was checked is used even if the file changes
             if header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
                 raise DamagedGrid(f"{name}.npy does not match its checksum")
         arrays[name] = array

@@ -20,6 +20,26 @@ _PLAIN_NPY = re.compile(rb"\x93NUMPY\x01\x00\x76\x00\{'descr': '(?P<type>[<|][ui
 to 0.28 ms (busy machine), for each of the ten arrays of hundreds of grids; other headers are left to that reader."""
 
 
+def loaded(path: Path) -> np.ndarray:
+    """As :func:`mapped`, read into memory: for small arrays, in a third of the time that a map takes."""
+    if not path.is_file():  # opening a pipe would block
+        raise DamagedGrid(f"{path.name} is no file")
+    try:
+        with open(os.fspath(path), "rb") as file:
+            if found := _PLAIN_NPY.match(data := bytearray(file.read())):
+                shape, dtype = _described(found)
+                if len(found[0]) + math.prod(shape) * dtype.itemsize <= len(data):
+                    return np.frombuffer(data, dtype, math.prod(shape), len(found[0])).reshape(shape)
+    except _NPY_ERRORS as error:
+        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
+    return np.array(mapped(path))
+
+
+def _described(found: re.Match) -> tuple[tuple[int, ...], np.dtype]:
+    """Shape and type of a plain header."""
+    return tuple(int(side) for side in found["shape"].split(b",") if side.strip()), np.dtype(found["type"].decode())
+
+
 def mapped(path: Path) -> np.ndarray:
     """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where there is none."""
     if not path.is_file():  # opening a pipe would block
@@ -27,8 +47,8 @@ def mapped(path: Path) -> np.ndarray:
     try:
         with open(os.fspath(path), "rb") as file:  # the map then has the name as text
             if found := _PLAIN_NPY.match(file.read(128)):
-                shape, dtype = tuple(int(side) for side in found["shape"].split(b",") if side.strip()), found["type"].decode()
-                if len(found[0]) + math.prod(shape) * np.dtype(dtype).itemsize <= os.fstat(file.fileno()).st_size:
+                shape, dtype = _described(found)
+                if len(found[0]) + math.prod(shape) * dtype.itemsize <= os.fstat(file.fileno()).st_size:
                     return np.memmap(file, dtype, "r", len(found[0]), shape)
         with warnings.catch_warnings(action="error"):  # NumPy warns of headers that Python 2 wrote, and of huge shapes
             array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load, it does not accept zip files and pickles

@@ -340,7 +340,7 @@ def test_other_scans_are_converted_if_one_cannot_be_read(tmp_path):
     write_ply(tmp_path / "c.ply", *surface(300))
     with pytest.raises(InputError, match="would have the same folder"):
         convert_each([scans, tmp_path / "c.ply"], tmp_path / "other")
-    with pytest.raises(InputError, match="holds no scan; name its"):
+    with pytest.raises(InputError, match="a folder made by convert is not a scan; give the scans"):
         convert_each([tmp_path / "grids" / "a"], tmp_path / "other")
 
 

@@ -45,29 +45,30 @@ class ClusterCheck:
 
 def place_warnings(boxes: Mapping[int, tuple[np.ndarray, np.ndarray]], names: Sequence[str]) -> list[ScanWarning]:
     """One warning where files form several clusters, else none.  boxes: (low, high), (3,) each, by the number of the file."""
-    left, groups = list(boxes), []
-    while left:
-        group = [left.pop(0)]
+    numbers = np.array(list(boxes), np.int64)
+    lows, highs = (np.array([box[end] for box in boxes.values()], np.float64).reshape(-1, 3) for end in (0, 1))
+    extents = (highs - lows).max(axis=1, initial=0.0)
+    left, groups = np.arange(len(numbers)), list[list[int]]()
+    while len(left):
+        group, left = [int(left[0])], left[1:]
         for one in group:  # the group grows during the loop
-            near = [other for other in left if _gap(boxes[one], boxes[other]) <= _FAR * _extent(boxes[one], boxes[other])]
-            group += near
-            taken = set(near)
-            left = [other for other in left if other not in taken]
+            if not len(left):
+                break
+            gaps = _gaps(lows[one], highs[one], lows[left], highs[left])
+            near = gaps <= _FAR * np.maximum(extents[one], extents[left])
+            group += left[near].tolist()
+            left = left[~near]
         groups.append(group)
     if len(groups) < 2:
         return []
-    one, other = (names[group[0]] for group in groups[:2])
-    gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
+    first, second = groups[0][0], groups[1][0]
+    one, other = (names[numbers[number]] for number in (first, second))
+    gap = float(_gaps(lows[first], highs[first], lows[[second]], highs[[second]])[0])
     far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
     text = f"{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"
     return [ScanWarning(text, WarningTopic.PLACES)]
 
 
-def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:
-    """Distance between two boxes (low, high), 0 where they meet."""
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(a[0] - b[1], b[0] - a[1]))))
-
-
-def _extent(*boxes: tuple[np.ndarray, np.ndarray]) -> float:
-    """The longest side of any of the boxes."""
-    return max(float((high - low).max()) for low, high in boxes)
+def _gaps(low: np.ndarray, high: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
+    """(n,) distances from a box, corners (3,), to others, corners (n, 3); 0 where they meet."""
+    return np.linalg.norm(np.maximum(0.0, np.maximum(low - highs, lows - high)), axis=1)
