@@ -124,10 +124,9 @@ def _read(folder: Path, identity: list | None) -> Scene:
         array = (mapped if name in _COLUMNS else loaded)(folder / f"{name}.npy")
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
-        if name not in _COLUMNS:
-            # in memory, so that what was checked is used even if the file changes
-            if header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
-                raise DamagedGrid(f"{name}.npy does not match its checksum")
+        # in memory, so that what was checked is used even if the file changes
+        if name not in _COLUMNS and header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
+            raise DamagedGrid(f"{name}.npy does not match its checksum")
         arrays[name] = array
     points, cells, offsets = arrays["points"], arrays["cell_coords"], arrays["offsets"]
     layers, count = header.layers, header.count
