@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...model.appearance.noise import NoiseModel
+from ...model.common.jit import compiled
 from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
 from ..common.errors import InputError
 from ..preprocess.point_attributes import AttributeLayout
@@ -31,6 +32,8 @@ STEPS = 65536
 """Positions of a coordinate inside a cell: 16 bits."""
 CHUNK = 65536
 """Points of a chunk, which is read, checked and kept on the GPU as one piece (768 KiB); chosen by hand."""
+_FEW = 65_536
+"""Points below which positions are computed by NumPy: that takes 10 ms at most, and importing numba 250 ms."""
 STATION_REACH = 20.0
 """Farthest distance of a scanner from the measured points, in extents of the scan.  From there the scan is 2.9 degrees wide; a
 statue is scanned from a few of its heights away.  A pose of zeros in UTM coordinates lies at least 166 km away (the least
@@ -205,9 +208,25 @@ def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.n
     else:
         places = np.arange(*index.indices(scene.count)) if isinstance(index, slice) else _places(scene.count, index)
         cells = (np.searchsorted(scene.offsets, places, side="right") - 1) % len(scene.cell_coords)
-    low = (words & 0xFFFF).astype(np.float64)
-    q = np.stack([low[:, 0], (words[:, 0] >> 16).astype(np.float64), low[:, 1]], axis=1)
-    return scene.cell_min[cells] + (q + 0.5) * scene.step
+    if len(words) < _FEW:
+        low = (words & 0xFFFF).astype(np.float64)
+        q = np.stack([low[:, 0], (words[:, 0] >> 16).astype(np.float64), low[:, 1]], axis=1)
+        return scene.cell_min[cells] + (q + 0.5) * scene.step
+    found = np.empty((len(words), 3))
+    _fill_positions(np.ascontiguousarray(words), cells, np.ascontiguousarray(scene.cell_coords, np.int64),
+                    np.asarray(scene.origin, np.float64), float(scene.cell_size), float(scene.step), found)
+    return found
+
+
+@compiled(nogil=True)
+def _fill_positions(words, cells, coords, origin, size, step, found):
+    """found: (n, 3) float64, receives the file coordinates of packed points ``words`` (n, 3) in ``cells`` (n,)."""
+    for i in range(words.shape[0]):
+        cell = cells[i]
+        for axis in range(3):
+            packed_step = (words[i, axis >> 1] >> np.uint32(16 * (axis & 1))) & np.uint32(0xFFFF)
+            low = origin[axis] + coords[cell, axis] * size
+            found[i, axis] = low + (np.float64(packed_step) + 0.5) * step
 
 
 def colours(words: np.ndarray) -> np.ndarray:

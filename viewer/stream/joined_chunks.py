@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..common.errors import InputError
+from ..grid.mapped_array import start_of
 from ..grid.place.joined_points import JoinedPoints
-from ..grid.scene import CHUNK, refuse_changed_file
+from ..grid.scene import CHUNK
 from .chunk_source import POINT_BYTES, ChunkError, ChunkFile, ChunkSource
 
 if TYPE_CHECKING:
@@ -80,9 +81,7 @@ class JoinedChunks:
     def _start_of(self, grid: int) -> int:
         """The byte of a grid's file at which its points begin."""
         if grid not in self._starts:
-            mapped = self.points.map_of(grid)
-            refuse_changed_file(mapped)
-            self._starts[grid] = int(mapped.offset)
+            self._starts[grid] = start_of(self.points.files[grid])
         return self._starts[grid]
 
     def close(self) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import density_layers as layers
+from pointglass.viewer.grid import scene as scene_module
 from pointglass.viewer.grid.building import histogram as histogram_module
 from pointglass.viewer.grid.building import kernels
 from pointglass.viewer.grid.building import scatter as scatter_module
@@ -270,11 +271,15 @@ def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
         np.testing.assert_array_equal(other.offsets, scenes[0].offsets)
 
 
-def test_all_ways_of_indexing_unpack_the_same_points():
+def test_all_ways_of_indexing_unpack_the_same_points(monkeypatch):
     scene = scene_from_arrays(*surface(5_000))
     for part in (slice(3, 4_000), slice(3, 4_000, 7), slice(None, None, 11), slice(None, None, -1), slice(7, 7)):
-        for one, other in zip(unpack(scene, part), unpack(scene, np.arange(5_000)[part]), strict=True):
-            np.testing.assert_array_equal(one, other)
+        few = unpack(scene, np.arange(5_000)[part])
+        for least in (scene_module._FEW, 0):  # by NumPy, and in a compiled loop
+            monkeypatch.setattr(scene_module, "_FEW", least)
+            for one, other in zip(unpack(scene, part), few, strict=True):
+                np.testing.assert_array_equal(one, other)
+        monkeypatch.undo()
 
 
 def test_one_point_and_equal_points_make_a_scene():

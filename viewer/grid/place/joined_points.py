@@ -12,10 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from ..mapped_array import rows_of
 from .point_change import PointChange
 
 _OPEN = 64
 """Memory maps that are kept; the kernel limits open files to 1024 of a process by default, and each map holds one."""
+
+
+_FEW = 4096
+"""Rows that are read rather than mapped: 48 KB of points."""
 
 
 class OpenColumns:
@@ -37,6 +42,13 @@ class OpenColumns:
             while len(self._kept) > _OPEN:
                 self._kept.popitem(last=False)
             return found
+
+
+    def rows(self, number: int, first: int, count: int) -> np.ndarray:
+        """Rows of a column, ``count`` from ``first`` on; few of one that is not mapped are read, without a map."""
+        with self._lock:
+            known = number in self._kept
+        return self[number][first : first + count] if known or count > _FEW else rows_of(self._paths[number], first, count)
 
 
 class PieceTable:
@@ -102,7 +114,7 @@ class JoinedColumn:
         found, at = np.empty((stop - start, *self.shape[1:]), self.dtype), 0
         for grid, first, count in self.table.runs(start, stop):
             part = found[at : at + count]
-            part[:] = self._columns[grid][first : first + count]
+            part[:] = self._columns.rows(grid, first, count)
             self._changed(grid, part)
             at += count
         return found

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.jit import compiled
-from ...grid.scene import unpack
+from ...grid.scene import packed, positions
 from .occupancy import Occupancy, occupancy_of
 
 if TYPE_CHECKING:
@@ -310,4 +310,5 @@ def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray
     head = int(ends[min(np.searchsorted(ends, wanted), len(ends) - 1)])  # coarse layers: an even sample
     step = max(1, head // wanted)
     cells = scene.cell_of_points(0, head)[::step]
-    return unpack(scene, slice(0, head, step))[0], np.searchsorted(starts, cells, side="right") - 1
+    some = slice(0, head, step)
+    return positions(scene, packed(scene, some), some), np.searchsorted(starts, cells, side="right") - 1

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...grid.scene import unpack
+from ...grid.scene import packed, positions
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -94,7 +94,8 @@ def _sample(scene: "Scene") -> np.ndarray:
     """(n, 3) float64: the coarse layers, a uniform random subsample, SAMPLE points or as many whole layers as it takes."""
     ends = np.asarray(scene.offsets)[len(scene.cell_coords) :: len(scene.cell_coords)]
     head = int(ends[min(int(np.searchsorted(ends, SAMPLE)), len(ends) - 1)]) if len(ends) else 0
-    return unpack(scene, slice(0, head, max(1, head // SAMPLE)))[0]
+    some = slice(0, head, max(1, head // SAMPLE))
+    return positions(scene, packed(scene, some), some)
 
 
 def _extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
