@@ -20,6 +20,8 @@ _PREFERRED = ("notosanscjk", "sourcehansans", "notosans", "wqy", "droidsansfallb
 """Beginnings of the names of fonts without serifs that have many letters, the best first."""
 _UNLIKE_TEXT = ("bold", "black", "italic", "oblique", "mono", "serif", "light", "thin", "condensed", "narrow", "lastresort")
 """Parts of the names of fonts that a plain text is not set in, where another has the letter."""
+_MARK = "\u200e"
+"""LEFT-TO-RIGHT MARK."""
 _NO_SHAPE = ("Cc", "Cf", "Zs", "Zl", "Zp", "Mn", "Me")
 """Categories of characters that draw nothing of their own, or belong to the letter before."""
 
@@ -89,6 +91,22 @@ def font_with(letter: str) -> Path | None:
 def needs_shape(letter: str) -> bool:
     """Whether a character is drawn by a glyph of its own."""
     return unicodedata.category(letter) not in _NO_SHAPE
+
+
+def in_order(text: str) -> str:
+    """A line with marks (U+200E, which are not drawn) that keep its parts in their order from left to right, where some of its
+    words are written from right to left: a number before such a name stays before it, a value behind it.  A line of such words
+    alone has none."""
+    ways = [unicodedata.bidirectional(letter) for letter in text]
+    if not _can_order("R") or not {"R", "AL"} & set(ways) or not {"L", "EN", "AN"} & set(ways):
+        return text
+    found, last = [_MARK], 0  # last: where the last word from right to left ends in ``found``, 0: none before the next letter
+    for letter, way in zip(text, ways, strict=True):
+        if last and way in ("EN", "AN"):
+            found.insert(last, _MARK)
+        found.append(letter)
+        last = len(found) if way in ("R", "AL") else 0 if way in ("L", "EN", "AN") else last
+    return "".join(found)
 
 
 @cache

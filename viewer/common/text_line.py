@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .fonts import plain_font, runs
+from .fonts import in_order, plain_font, runs
 
 
 @cache
@@ -24,7 +24,7 @@ class TextLine:
 
     def __init__(self, text: str, size: int, first: Sequence[Path] = ()):
         self.text, self.size = text, size
-        self._runs = [(part, font_at(path, size)) for part, path in runs(text, first)]
+        self._runs = [(part, font_at(path, size)) for part, path in runs(in_order(text), first)]
         self.width = sum(font.getlength(part) for part, font in self._runs)
         self.ascent, self.descent = font_at(first[0] if first else plain_font(), size).getmetrics()
 

@@ -77,6 +77,36 @@ def test_a_sheet_has_the_dimensions_of_the_drawing(project, tmp_path, options, c
     assert len(drawing.modelspace().query("DIMENSION")) == count
 
 
+def test_sides_and_areas_are_drawn_in_the_frame_and_what_is_too_short_is_counted(room, tmp_path, capsys):  # noqa: F811
+    def at(*places) -> tuple[MeasuredPoint, ...]:
+        return tuple(MeasuredPoint(vector([AT[0] + x, AT[1] + y, 1.2]), noise=0.001) for x, y in places)
+
+    wide, deep = SIDES
+    made = [Measurement("polyline", at((1, 1), (4, 1), (4, 3)), "way"),
+            Measurement("area", at((5, 1), (7, 1), (7, 4), (5, 4)), "a"),
+            *(Measurement("distance", at((0, y), (wide, y)), "wall") for y in (0, deep)),
+            Measurement("distance", at((2, 2), (2.001, 2)), "short")]
+    project, out = tmp_path / "p.pointglass", tmp_path / "plan.dxf"
+    write_project(project, Document((ScanFile(str(room)),), measurements=tuple(made)))
+    assert cli.main(["section", str(project), "--plan", "1.2", "--out", str(out)]) == 0
+    said = "1 measured length without a dimension: shorter than 2 mm on paper, or seen from the end"
+    printed = capsys.readouterr().out
+    assert said in printed and " units in all" in printed
+    space: Any = ezdxf.readfile(out).modelspace()  # type: ignore[reportPrivateImportUsage]
+    found = list(space.query("DIMENSION"))
+    assert sorted(each.get_measurement() for each in found) == pytest.approx(sorted([3.0, 2.0, wide, wide]))
+    (frame,) = space.query('LWPOLYLINE[layer=="POINTGLASS FRAME"]')
+    (left, bottom), _, (right, top), _ = (place[:2] for place in frame.get_points())
+    assert all(left < each.dxf.text_midpoint.x < right and bottom < each.dxf.text_midpoint.y < top
+               and bottom < each.dxf.defpoint.y < top for each in found)
+    (area,) = space.query("MTEXT")
+    assert area.text.startswith("6.00") and area.text.endswith(" units²")
+    assert area.dxf.insert.isclose((AT[0] + 6, AT[1] + 2.5, 0))
+    assert cli.main(["section", str(project), "--plan", "1.2", "--trace", "--out", str(out.with_suffix(".pdf"))]) == 0
+    printed = capsys.readouterr().out
+    assert said in printed and " m in all" in printed  # a sheet has a scale and takes an unnamed unit as the metre, as it says
+
+
 def test_no_text_lies_on_another_or_on_a_line(seed):
     random = np.random.default_rng(seed)
     for _ in range(5):

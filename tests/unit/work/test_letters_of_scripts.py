@@ -71,3 +71,12 @@ def test_a_font_of_the_machine_draws_what_the_plain_one_lacks(fonts, tmp_path):
     assert with_it[0] == "1" and "Squares" in with_it[4] and "Squares" not in without[4]
     assert float(with_it[3]) == pytest.approx(2 * 0.9 * 10 / 72 * 25.4, rel=0.02)
     assert int(with_it[1]) > 1.5 * int(without[1]) > 0 and int(with_it[2]) > 1.5 * int(without[2]) > 0, "filled, not outlined"
+
+
+def test_numbers_stay_where_they_stand_beside_words_from_right_to_left():
+    from pointglass.viewer.common.fonts import in_order
+
+    name, mark = "\u05d1\u05d9\u05ea", "\u200e"
+    assert in_order(f"3   {name}") == f"{mark}3   {name}"
+    assert in_order(f"{name}  4.21 m, {name} b") == f"{mark}{name}{mark}  4.21 m, {name} b"
+    assert in_order(name) == name and in_order("3   house") == "3   house"

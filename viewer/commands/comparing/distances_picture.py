@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...common.fonts import families
+from ...common.fonts import families, in_order
 from ...common.progress import progress
 from ...common.text import counted
 from ...work.comparing.compare import Distances
@@ -70,7 +70,7 @@ def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, 
     def share(part: int, whole: int) -> str:
         return f"{100 * part / whole:.3g} %" if whole else "-"
 
-    figure.text(0.045, 0.955, f"{after.name}  compared with  {before.name}", fontsize=15, color=_INK, weight="bold",
+    figure.text(0.045, 0.955, in_order(f"{after.name}  compared with  {before.name}"), fontsize=15, color=_INK, weight="bold",
                 parse_math=False, fontfamily=families(after.name + before.name))  # fmt: skip
     figure.text(0.045, 0.93, _METHODS[distances.method], fontsize=10, color=_QUIET)
     beyond = int(found.bins[0] + found.bins[-1])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ... import __version__
-from ...common.fonts import families
+from ...common.fonts import families, in_order
 from ...common.text import printable
 from ...common.text_line import TextLine
 from ..section.sheet_text import POINTS, fitting, write
@@ -112,12 +112,13 @@ class Pages:
     def text(self, text: str, size: float = 9.5, *, quiet: bool = False) -> None:
         """Text over the whole width."""
         for line in wrapped(text, WIDTH, size):
-            self.line([(0.0, line)], size, quiet=quiet)
+            self.line([(0.0, line)], size, quiet=quiet, prose=True)
 
     def line(self, cells: Sequence[tuple[float, str]], size: float = 9.5, *, quiet: bool = False, bold: bool = False,
-             mark: tuple[int, int, int] | None = None, right: str = "") -> None:  # fmt: skip
+             mark: tuple[int, int, int] | None = None, right: str = "", prose: bool = False) -> None:  # fmt: skip
         """One line of texts, each at its distance in mm from the margin and cut off before the next.  mark: colour, sRGB, of
-        a square before the first.  right: a text that ends at the right margin."""
+        a square before the first.  right: a text that ends at the right margin.  prose: whether a
+        script from right to left decides the order of the whole line."""
         tall = size / POINTS * _LEADING
         self.room(tall)
         self._y -= tall
@@ -128,8 +129,9 @@ class Pages:
                             fontfamily=families(right), fontweight="bold" if bold else "normal")
         for (begin, text), end in zip(cells, ends, strict=True):
             short, fits = fitting(text, end - begin - 2.0, size, bold)
-            self._page.text(MARGIN + begin, base, short, fontsize=fits, color=_QUIET if quiet else _INK, parse_math=False,
-                            fontfamily=families(short), fontweight="bold" if bold else "normal")
+            self._page.text(MARGIN + begin, base, short if prose else in_order(short), fontsize=fits, parse_math=False,
+                            color=_QUIET if quiet else _INK, fontfamily=families(short),
+                            fontweight="bold" if bold else "normal")
         if mark is not None:
             from matplotlib.patches import Rectangle
 

@@ -88,7 +88,7 @@ def _comparison(pages: Pages, comparison: "DateComparison", found: "Statistics",
     """What was compared, what was found, and the histogram of the distances with their colours."""
     pages.gap(4.0)
     pages.heading("Comparison", follows=_HISTOGRAM[0] + 24.0)
-    pages.text(f"{comparison.after[0]}, compared with {comparison.before[0]}")
+    pages.line([(0.0, f"{comparison.after[0]}, compared with {comparison.before[0]}")])
     factor, shown = shown_unit(found.limit, unit)
     if found.known:
         pages.text(f"median {found.median * factor:.3g} {shown}, standard deviation {found.sd * factor:.3g} {shown}, "

@@ -159,11 +159,10 @@ def run(options: argparse.Namespace) -> int:
     say_degrees(scene)
     cuts = [cut_of(kind, value, options, scene, document) for kind, value in options.cuts]
     selection = Selection.in_sight(scene, document)
-    unit = unit_name(scene.meta.metres_per_unit)
+    unit = unit_name(scene.meta.metres_per_unit or 1.0)  # as the sheet says
     measured = document.measurements if options.dimensions else ()
     if options.out.suffix.lower() == ".dxf":
-        lines, models = write_lines(options.out, selection, cuts[0], request, document.meshes, measured)
-        print(f"{trace_text(lines, unit)}, in {options.out}", *model_text(models, unit), sep="\n")
+        print(*write_lines(options.out, selection, cuts[0], request, document.meshes, measured), sep="\n")
         return 0
     png = options.out.suffix.lower() == ".png"
     sheets = [make_sheet(selection, cut, request, meshes=document.meshes, measurements=measured,
@@ -178,6 +177,6 @@ def run(options: argparse.Namespace) -> int:
         print(f"{counted(sheet.count, 'point')} at 1:{sheet.scale:g} in {options.out}{page}, {width:.0f} x {height:.0f} mm")
         if sheet.trace is not None:
             print(trace_text(sheet.trace, unit))
-        for line in model_text(sheet.models, unit):
+        for line in (*model_text(sheet.models, unit), *sheet.remarks):
             print(line)
     return 0

@@ -1,22 +1,19 @@
-"""Dimensions on a sheet: measured lengths that lie in its cut, with extension lines, ticks and texts, moved off each other.
+"""Dimensions on a sheet: measured lengths that lie in its cut, with extension lines, ticks and texts, moved off each other;
+and measured areas.
 
 Frame: paper coordinates of the cut, file units, which the caller places on its page.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ...common.text import printable
-from ...work.dimensioning.dimensions import Dimension, dimensions_of, laid_apart
-from ...work.measuring.measure_text import unit_name
+from ...common.text import counted, printable
+from ...work.dimensioning.dimensions import CutDimensions, dimensions_of, laid_apart
 from ...work.measuring.measurement import Measurement
 from .cut import Cut
 from .sheet_text import POINTS, text_width
-
-if TYPE_CHECKING:
-    from ...grid.scene import Scene
 
 LETTERS = 1.9
 """Height of a text, millimetres of paper."""
@@ -28,14 +25,20 @@ _BESIDE, _TICK = 0.35, 0.35
 """Gap and overshoot of extension lines, and half a tick along each axis, in heights of the text."""
 
 
-def cut_dimensions(cut: Cut, measurements: Sequence[Measurement], scene: "Scene", millimetre: float) -> list[Dimension]:
-    """The measured lengths that lie in a cut.  millimetre: of paper, file units."""
+def cut_dimensions(cut: Cut, measurements: Sequence[Measurement], unit: str, millimetre: float) -> CutDimensions:
+    """What was measured in a cut.  unit: its name on the drawing.  millimetre: of paper, file units."""
     plane = np.array([0.0, 0.0, cut.near if cut.kind == "elevation" and np.isfinite(cut.near) else 0.0])
     return dimensions_of(measurements, lambda xyz: cut.paper(xyz) - plane, lambda paper: cut.contains(paper + plane),
-                         unit_name(scene.meta.metres_per_unit), _LEAST * millimetre)
+                         unit, _LEAST * millimetre)
 
 
-def draw_dimensions(page: Any, dimensions: Sequence[Dimension], millimetre: float, area: np.ndarray, *,
+def short_text(dimensions: CutDimensions) -> list[str]:
+    """A line about lengths in the cut that have no dimension; none where all have one."""
+    return [f"{counted(dimensions.short, 'measured length')} without a dimension: shorter than {_LEAST:g} mm on paper, or seen "
+            "from the end"] if dimensions.short else []  # fmt: skip
+
+
+def draw_dimensions(page: Any, dimensions: CutDimensions, millimetre: float, area: np.ndarray, *,
                     placed=lambda paper: paper, edge: Any = None) -> None:
     """Draws into matplotlib axes.
 
@@ -43,7 +46,23 @@ def draw_dimensions(page: Any, dimensions: Sequence[Dimension], millimetre: floa
     placed: coordinates of the axes of (n, 2) paper coordinates.  edge: a patch that cuts lines.
     """
     height = LETTERS * millimetre
-    for each in laid_apart(dimensions, height, lambda text: text_width(text, LETTERS * POINTS) * millimetre, area):
+
+    def write(place: np.ndarray, text: str, angle: float) -> None:
+        x, y = placed(place[None])[0]
+        page.text(x, y, printable(text), fontsize=LETTERS * POINTS, color=_COLOUR, rotation=angle, ha="center", va="center",
+                  rotation_mode="anchor", parse_math=False, zorder=4,
+                  bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.6})
+
+    def stroke(line: np.ndarray) -> None:
+        for drawn in page.plot(*placed(line).T, color=_COLOUR, linewidth=_WIDTH, solid_capstyle="butt"):
+            if edge is not None:
+                drawn.set_clip_path(edge)
+
+    for area_text in dimensions.areas:
+        stroke(np.concatenate([area_text.outline, area_text.outline[:1]]))
+        write(area_text.place, area_text.text, 0.0)
+    for each in laid_apart(dimensions.lines, height, lambda text: text_width(text, LETTERS * POINTS) * millimetre, area,
+                           dimensions.areas):
         ends, line = np.array([each.start, each.end]), each.line
         way = (line[0] - ends[0]) / abs(each.offset)
         turn = np.radians(each.angle)
@@ -51,12 +70,6 @@ def draw_dimensions(page: Any, dimensions: Sequence[Dimension], millimetre: floa
         strokes = [line, *(np.array([at - tick, at + tick]) for at in line)]
         strokes += [np.array([end + way * _BESIDE * height, at + way * _BESIDE * height])
                     for end, at in zip(ends, line, strict=True)]
-        for stroke in strokes:
-            for drawn in page.plot(*placed(stroke).T, color=_COLOUR, linewidth=_WIDTH, solid_capstyle="butt"):
-                if edge is not None:
-                    drawn.set_clip_path(edge)
-        middle = line.mean(axis=0) + height * np.array([-np.sin(turn), np.cos(turn)])
-        x, y = placed(middle[None])[0]
-        page.text(x, y, printable(each.told), fontsize=LETTERS * POINTS, color=_COLOUR, rotation=each.angle, ha="center",
-                  va="center", rotation_mode="anchor", parse_math=False, zorder=4,
-                  bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.6})
+        for each_stroke in strokes:
+            stroke(each_stroke)
+        write(line.mean(axis=0) + height * np.array([-np.sin(turn), np.cos(turn)]), each.told, each.angle)

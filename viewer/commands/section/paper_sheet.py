@@ -18,7 +18,7 @@ from .title_block import INK, MIDDLE, QUIET, THICK, THIN, Facts, draw_strip
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ...work.dimensioning.dimensions import Dimension
+    from ...work.dimensioning.dimensions import CutDimensions
     from ...work.sheets.cut_lines import Trace
     from .model_lines import ModelLines
     from .orthographic import Drawing
@@ -63,7 +63,7 @@ class PaperTransform:
 
 def paper_sheet(drawing: "Drawing", layout: Layout, dpi: int, middle: np.ndarray, facts: Facts, axes: tuple[str, str], *,
                 metres: float, scale: float, trace: "Trace | None" = None, models: "Sequence[ModelLines]" = (),
-                dimensions: "Sequence[Dimension]" = (), whole_pixels: bool = False) -> "Figure":  # fmt: skip
+                dimensions: "CutDimensions | None" = None, whole_pixels: bool = False) -> "Figure":  # fmt: skip
     """The sheet as a matplotlib figure.
 
     middle: (2,) paper coordinates in the middle of the sheet.  axes: names of the coordinates to the right and upwards.
@@ -95,7 +95,8 @@ def paper_sheet(drawing: "Drawing", layout: Layout, dpi: int, middle: np.ndarray
     draw_models(page, models, MIDDLE, placed=place.page, edge=edge, corner=(left, bottom + height),
                 traced=INK if trace is not None and trace.lines else None)
     corners = place.paper(np.array([[left, bottom], [left + width, bottom + height]]))
-    draw_dimensions(page, dimensions, scale / 1000 / metres, corners, placed=place.page, edge=edge)
+    if dimensions is not None:
+        draw_dimensions(page, dimensions, scale / 1000 / metres, corners, placed=place.page, edge=edge)
     for rectangle, width in ((layout.frame, THICK), (layout.area, THIN)):
         page.add_patch(Rectangle(rectangle[:2], *rectangle[2:], fill=False, edgecolor=INK, linewidth=width, joinstyle="miter"))
     draw_strip(page, layout, facts)

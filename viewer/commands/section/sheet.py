@@ -15,7 +15,7 @@ import numpy as np
 from ....model.common.files.atomic_write import passes_through, write_atomic
 from ... import __version__
 from ...common.errors import InputError
-from ...common.fonts import families
+from ...common.fonts import families, in_order
 from ...common.text import counted
 from ...work.measuring.measure_text import unit_name
 from .cut import KINDS
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...grid.scene import Scene
-    from ...work.dimensioning.dimensions import Dimension
+    from ...work.dimensioning.dimensions import CutDimensions
     from ...work.sheets.cut_lines import Trace
     from .model_lines import ModelLines
     from .orthographic import Drawing
@@ -140,7 +140,7 @@ def borders(drawing: "Drawing", paper: Paper) -> tuple[int, int, int, int]:
 
 
 def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "Trace | None" = None,
-          models: "Sequence[ModelLines]" = (), dimensions: "Sequence[Dimension]" = ()) -> "Figure":  # fmt: skip
+          models: "Sequence[ModelLines]" = (), dimensions: "CutDimensions | None" = None) -> "Figure":  # fmt: skip
     """The sheet as a matplotlib figure, with traced lines, those of meshes and dimensions where there are any."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -157,7 +157,8 @@ def sheet(drawing: "Drawing", paper: Paper, scene: "Scene", title: str, trace: "
         axes.plot(*ring.T, color=_INK, linewidth=CUT_WIDTH, solid_joinstyle="miter")
     draw_models(axes, models, CUT_WIDTH, traced=_INK if trace is not None and trace.lines else None)
     axes.set(xlim=extent[:2], ylim=extent[2:])
-    draw_dimensions(axes, dimensions, paper.millimetre, np.array(extent).reshape(2, 2).T)
+    if dimensions is not None:
+        draw_dimensions(axes, dimensions, paper.millimetre, np.array(extent).reshape(2, 2).T)
     step = round_length(_TICKS / 1000 * paper.scale / paper.metres)
     for axis, low, high in ((axes.xaxis, extent[0], extent[1]), (axes.yaxis, extent[2], extent[3])):
         ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step + 0.0  # no -0
@@ -194,7 +195,7 @@ def _title(figure: "Figure", drawing: "Drawing", paper: Paper, scene: "Scene", t
     caption = f"{KINDS[cut.kind].capitalize()} {cut.text}   ·   1:{paper.scale:g}"
     for y, text, size, weight in ((16.5, title, 10, "bold"), (11.5, caption, 7.5, "normal")):
         text, fits = fitting(text, room, size, weight == "bold")
-        figure.text(*at(10, y), text, fontsize=fits, fontweight=weight, color=_INK, parse_math=False,
+        figure.text(*at(10, y), in_order(text), fontsize=fits, fontweight=weight, color=_INK, parse_math=False,
                     fontfamily=families(text))
     unit = unit_name(paper.metres) + (" (assumed: the file names no unit)" if paper.assumed else "")
     crs = scene.meta.crs

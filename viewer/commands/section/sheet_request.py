@@ -21,7 +21,7 @@ from ...work.sheets.cut_lines import Trace, trace
 from ...work.sheets.grid_north import axis_name, has_grid_north
 from ...work.sheets.paper_layout import fitted
 from .cut import KINDS, Cut, cut_slab
-from .draw_dimensions import cut_dimensions
+from .draw_dimensions import cut_dimensions, short_text
 from .model_lines import ModelLines, model_lines, model_text, widened
 from .orthographic import draw, slab_extent, slab_points
 from .paper_sheet import paper_sheet
@@ -63,7 +63,8 @@ class SheetRequest:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A sheet that was drawn.  count: measured points.  trace: None where no lines were traced.  models: that the cut meets."""
+    """A sheet that was drawn.  count: measured points.  trace: None where no lines were traced.  models: that the cut meets.
+    remarks: what was left out, lines for a person."""
 
     figure: "Figure"
     dpi: int
@@ -71,6 +72,7 @@ class Sheet:
     count: int
     trace: Trace | None
     models: tuple[ModelLines, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def sides(self) -> tuple[float, float]:
@@ -100,9 +102,10 @@ def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes:
     if request.paper is None:
         paper = paper_of(scene, request.scale or SCALE, request.dpi or DPI)
         drawing = draw(selection, cut, paper.pixel, extent, picture=request.picture)
+        shown = cut_dimensions(cut, measurements, unit_name(paper.metres), paper.millimetre)
         figure = sheet(drawing, paper, scene, request.title or scene.meta.title, lines, models,
-                       cut_dimensions(cut, measurements, scene, paper.millimetre))
-        return Sheet(figure, paper.dpi, paper.scale, extent[2], lines, models)
+                       shown)
+        return Sheet(figure, paper.dpi, paper.scale, extent[2], lines, models, tuple(short_text(shown)))
     low, high, count = extent
     metres = float(scene.meta.metres_per_unit or 1.0)
     size = (high - low)[:2] * metres
@@ -121,16 +124,18 @@ def make_sheet(selection: Selection, cut: Cut, request: SheetRequest, *, meshes:
         notes=(*_line_notes(lines, unit_name(metres)), f"pointglass {__version__}: nothing filled, nothing repainted"),
         north=cut.kind == "plan" and has_grid_north(scene.meta, cut_up(cut)), bar=(bar, bar / scale * 1000),
     )  # fmt: skip
+    shown = cut_dimensions(cut, measurements, unit_name(metres), paper.millimetre)
     figure = paper_sheet(drawing, layout, dpi, (low + high)[:2] / 2, facts, axes_of(cut), metres=metres, scale=scale,
                          trace=lines, models=models,
-                         dimensions=cut_dimensions(cut, measurements, scene, paper.millimetre), whole_pixels=png)  # fmt: skip
-    return Sheet(figure, dpi, scale, count, lines, models)
+                         dimensions=shown, whole_pixels=png)
+    return Sheet(figure, dpi, scale, count, lines, models, tuple(short_text(shown)))
 
 
 def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: Sequence[MeshLayer] = (),
-                measurements: Sequence[Measurement] = ()) -> tuple[Trace, tuple[ModelLines, ...]]:
+                measurements: Sequence[Measurement] = ()) -> list[str]:
     """Traces the lines of a cut and writes them, those of meshes, and the measured lengths in the cut as dimensions, as a DXF
-    drawing in the file's unit.  Raises InputError; then nothing is left behind."""
+    drawing in the file's unit.  Returns what was drawn, and what was left out, lines for a person.  Raises InputError; then
+    nothing is left behind."""
     from ...work.sheets.cut_dxf import write_cut_dxf
 
     scene, models = selection.scene, model_lines(meshes, cut, (*selection.clips, *selection.within))
@@ -139,16 +144,16 @@ def write_lines(out: Path, selection: Selection, cut: Cut, request: SheetRequest
     unit = unit_name(scene.meta.metres_per_unit)
     size = float(max((high - low)[:2])) or 1.0
     step = round_length(size / _DXF_GRID)
-    shown = cut_dimensions(cut, measurements, scene, _drawn_millimetre(scene, request, (high - low)[:2], step))
+    shown = cut_dimensions(cut, measurements, unit, _drawn_millimetre(scene, request, (high - low)[:2], step))
     texts = (request.title or scene.meta.title, f"{KINDS[cut.kind].capitalize()} {cut.text}",
-             f"coordinates: {', '.join(axes_of(cut))}; {reference_of(scene)}",
+             f"coordinates: {', '.join(axes_of(cut))}; {reference_of(scene, assumed=False)}",
              *_line_notes(lines, unit), *model_text(models, unit),
              f"{counted(count, 'measured point')}; {request.date or time.strftime('%Y-%m-%d')}; "
              f"{request.author + '; ' if request.author else ''}pointglass {__version__}")  # fmt: skip
     write_whole(out, lambda beside: write_cut_dxf(beside, lines, low[:2], high[:2], step, texts, scene.meta.metres_per_unit,
                                                   [(model.name, model.colour[1], model.lines) for model in models],
                                                   shown))
-    return lines, models
+    return [f"{trace_text(lines, unit)}, in {out}", *model_text(models, unit), *short_text(shown)]
 
 
 def _drawn_millimetre(scene: "Scene", request: SheetRequest, size: np.ndarray, step: float) -> float:
@@ -178,10 +183,12 @@ def trace_text(lines: Trace, unit: str) -> str:
             f"open where gaps exceed {lines.gap:.2g} {unit}")  # fmt: skip
 
 
-def reference_of(scene: "Scene") -> str:
-    """Reference system and unit of coordinates."""
+def reference_of(scene: "Scene", *, assumed: bool = True) -> str:
+    """Reference system and unit of coordinates.  assumed: whether a unit that the file does not name is taken as the metre, as
+    a sheet, which has a scale, needs it."""
     metres = scene.meta.metres_per_unit
-    unit = unit_name(metres) if metres else "m (assumed: the file names no unit)"
+    unit = unit_name(metres if metres or not assumed else 1.0)
+    unit += "" if metres else " (assumed: the file names no unit)" if assumed else " (the file names none)"
     return f"{short_reference(scene.meta.crs) if scene.meta.crs else 'none stated'}, {unit}"
 
 

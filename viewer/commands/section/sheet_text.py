@@ -3,7 +3,7 @@
 from functools import lru_cache
 from typing import Any
 
-from ...common.fonts import families, needs_shape
+from ...common.fonts import families, in_order, needs_shape
 from ...common.text import printable
 
 POINTS = 72 / 25.4
@@ -49,5 +49,5 @@ def write(page: Any, x: float, y: float, text: str, size: float, *, width: float
           **looks: Any) -> None:  # fmt: skip
     """Puts a line of text on a matplotlib axes in millimetres.  size: of the font, points.  width: of its place, mm."""
     text, size = fitting(text, width, size, bold)
-    page.text(x, y, text, fontsize=size, fontweight="bold" if bold else "normal", parse_math=False,
+    page.text(x, y, in_order(text), fontsize=size, fontweight="bold" if bold else "normal", parse_math=False,
               fontfamily=families(text), **looks)

@@ -1,4 +1,4 @@
-"""Measured lengths as dimensions of a drawing: distances, heights, ways to planes and diameters that lie in a cut.
+"""Measured lengths as dimensions of a drawing: distances, sides of polylines, heights, ways to planes and diameters in a cut.
 
 A dimension has the length of its two ends on the paper.  Where the way between them leans out of the paper, its text has the
 length in space, too.  A diameter is drawn across what is round at right angles to its axis, so that it is never foreshortened.
@@ -8,6 +8,7 @@ Frame: paper coordinates, file units.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..measuring.measure_shapes import shapes_of
 from ..measuring.measure_text import decimals_of, text_of
 from ..measuring.measurement import KINDS, Measurement
 from ..measuring.values import evaluate
+from .cut_areas import CutArea, areas_of
 
 LINEAR = ("distance", "height", "point to plane", "plane to plane")
 """Kinds that are the length of one line."""
@@ -65,6 +67,16 @@ class Dimension:
         return ends + self.offset * np.array([-along[1], along[0]]) / np.hypot(*along)
 
 
+@dataclass(frozen=True, eq=False)
+class CutDimensions:
+    """What was measured in a cut.  lines: lengths.  areas: with their texts.  short: how many lengths in the cut have no
+    dimension, because they are too short on the paper, or seen from their end."""
+
+    lines: tuple[Dimension, ...] = ()
+    areas: tuple[CutArea, ...] = ()
+    short: int = 0
+
+
 def dimension_text(measurement: Measurement, unit: str) -> str:
     """The value of a length as it stands at a dimension line, with VALUE for its number: ``Ø <> ± 0.0004 m``."""
     result = evaluate(measurement)
@@ -72,26 +84,34 @@ def dimension_text(measurement: Measurement, unit: str) -> str:
 
 
 def dimensions_of(measurements: Iterable[Measurement], paper: Paper, holds: Callable[[np.ndarray], np.ndarray], unit: str,
-                  least: float) -> list[Dimension]:  # fmt: skip
-    """The lengths that lie in a cut.
+                  least: float) -> CutDimensions:  # fmt: skip
+    """The lengths and areas that lie in a cut; each side of a polyline is a length.
 
     paper: coordinates on it.  holds: (n,) bool of (n, 3) paper coordinates, which lie in the cut.  unit: name of it.
     least: length on the paper, file units, below which none is drawn: it is seen from its end.
     """
-    found = []
-    for measurement in measurements:
+    found, short, measurements = [], 0, list(measurements)
+    for measurement in (side for each in measurements for side in _sides(each)):
         ends = _ends(measurement, paper)
         if ends is None or not holds(ends).all():
             continue
         length, result = float(np.hypot(*(ends[1] - ends[0])[:2])), evaluate(measurement)
         if length < least:
+            short += 1
             continue
         digits, text = decimals_of(result), dimension_text(measurement, unit)
         if f"{length:.{digits}f}" != f"{result.value:.{digits}f}" and abs(length - result.value) > 1e-9 * result.value:
             text = f"{VALUE} ({text.replace(VALUE, f'{result.value:.{digits}f}')} in space)"
         (x, y), (u, v) = ends[0, :2].tolist(), ends[1, :2].tolist()
         found.append(Dimension((x, y), (u, v), text, digits))
-    return found
+    return CutDimensions(tuple(found), areas_of(measurements, paper, holds, unit), short)
+
+
+def _sides(measurement: Measurement) -> list[Measurement]:
+    """A polyline as the distances of which it is made; any other measurement as it is."""
+    if measurement.kind != "polyline":
+        return [measurement]
+    return [replace(measurement, kind="distance", points=pair) for pair in pairwise(measurement.points)]
 
 
 def measured_line(measurement: Measurement) -> np.ndarray | None:
@@ -127,27 +147,33 @@ def _across(fit: Fit, paper: Paper) -> np.ndarray:
 
 
 def laid_apart(dimensions: Sequence[Dimension], height: float, width: Callable[[str], float],
-               area: np.ndarray | None = None) -> list[Dimension]:
+               area: np.ndarray | None = None, areas: Sequence[CutArea] = ()) -> list[Dimension]:
     """The dimensions with their offsets, the shortest nearest to what they measure.
 
     height: of the texts, file units.  width: of a text, file units.  area: (2, 2) least and largest coordinates between which
-    texts lie; None: everywhere.  A dimension that finds no free place in _MOST steps has the first one."""
+    texts and lines lie; None: everywhere.  areas: on whose texts none lies.  A dimension that finds no free place in _MOST
+    steps has the first one in the area."""
     placed: list[Dimension] = []
     rectangles: list[tuple[np.ndarray, np.ndarray]] = []  # of the text and of the line
+    written = [each.rectangle(height, width(each.text)) for each in areas]
     found: dict[int, Dimension] = {}
     for number in sorted(range(len(dimensions)), key=lambda each: dimensions[each].length):
         tries = [replace(dimensions[number], offset=side * (OFFSET + _STEP * step) * height)
                  for step in range(_MOST) for side in (1.0, -1.0)]  # fmt: skip
+        inside = None
         for chosen in tries:
             text, line = _rectangles(chosen, height, width(chosen.told))
-            if area is not None and not ((text >= area[0]) & (text <= area[1])).all():
+            if area is not None and not all(((each >= area[0]) & (each <= area[1])).all() for each in (text, line)):
+                continue
+            inside = inside or chosen
+            if any(_touch(text, other) or _touch(line, other) for other in written):
                 continue
             if not any(_touch(text, other) or _touch(text, rule) or _touch(line, other)
                        or (_parallel(chosen, before) and _touch(line, rule))
                        for before, (other, rule) in zip(placed, rectangles, strict=True)):  # fmt: skip
                 break
         else:
-            chosen = tries[0]
+            chosen = inside or tries[0]
             text, line = _rectangles(chosen, height, width(chosen.told))
         placed.append(chosen)
         rectangles.append((text, line))

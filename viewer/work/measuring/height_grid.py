@@ -74,7 +74,7 @@ def volume_in_box(in_box: InBox, box: Box, spacing: float, up: np.ndarray, round
     axis = axes[number] if axes[number] @ up > 0 else -axes[number]
     one, other = (box.half[each] * axes[each] for each in range(3) if each != number)
     corners = np.array(box.centre) - box.half[number] * axis + [one + other, one - other, -one - other, other - one]
-    seen = Polygon.of(corners, axis)
+    seen = Polygon.of(corners, axis, "box")
     with progress(5, "measuring a volume") as steps:
         base = np.array([float(seen.heights.mean()), 0.0, 0.0])
         places, above = seen.points(in_box, base, spacing)
@@ -102,7 +102,7 @@ def _volume_above(seen: "Polygon", base: np.ndarray, base_spread: float, places:
     """Of points, (m, 2) places and (m,) heights above a base; four steps of progress."""
     grid = grid_for(seen, [places], spacing)
     steps.update(1)
-    cells, _, above = standing_in(grid, places, above)
+    cells, _, above = standing_in(grid, places, above, seen.called)
     surface = heights_of(cells, above, grid)
     steps.update(1)
     found = volumes_of(surface.height, surface, seen.area, base_spread)
@@ -143,16 +143,17 @@ def volume_between(before: InBox, after: InBox, corners: np.ndarray, spacing: fl
 @dataclass(frozen=True, eq=False)
 class Polygon:
     """A polygon seen along the up axis.  axes: (3, 3) rows u, v and the up axis w.  flat: (n, 2) its corners, heights: (n,).
-    area: of it.  middle: (2,) its centre of area."""
+    area: of it.  middle: (2,) its centre of area.  called: what a person knows it as."""
 
     axes: np.ndarray
     flat: np.ndarray
     heights: np.ndarray
     area: float
     middle: np.ndarray
+    called: str
 
     @staticmethod
-    def of(corners: np.ndarray, up: np.ndarray) -> "Polygon":
+    def of(corners: np.ndarray, up: np.ndarray, called: str = "polygon") -> "Polygon":
         """corners: (n, 3).  Raises InputError where they enclose nothing."""
         u, v, w = frame_of(up)
         axes = np.array([u, v, w if w @ up > 0 else -w])
@@ -162,7 +163,7 @@ class Polygon:
         area, middle = _area_and_middle(flat)
         if area <= 0:
             raise InputError("these corners lie in one line, seen along the up axis: they enclose nothing")
-        return Polygon(axes, flat, corners @ axes[2], area, middle)
+        return Polygon(axes, flat, corners @ axes[2], area, middle, called)
 
     def points(self, in_box: InBox, base: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
         """(m, 2) places of the points around the polygon and (m,) their heights above a base (_base).  Raises InputError where
@@ -173,7 +174,7 @@ class Polygon:
         centre = (low + high) / 2 @ self.axes[:2] + self.heights.mean() * self.axes[2]
         xyz = in_box(centre, self.axes, half).xyz
         if len(xyz) < _FEWEST:
-            raise InputError(f"only {len(xyz)} measured points lie inside this polygon, which is too few for a volume")
+            raise InputError(f"only {len(xyz)} measured points lie in this {self.called}, which is too few for a volume")
         places = xyz @ self.axes[:2].T
         return places, xyz @ self.axes[2] - base[0] - (places - self.middle) @ base[1:]
 
@@ -203,14 +204,15 @@ def grid_for(seen: Polygon, clouds: "list[np.ndarray]", spacing: float) -> Grid:
     return grid
 
 
-def standing_in(grid: Grid, places: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cells, places and heights of the points in a grid, without those of surfaces that hang above it.  Raises InputError where
-    too few lie inside the polygon."""
+def standing_in(grid: Grid, places: np.ndarray, above: np.ndarray, called: str = "polygon"
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cells, places and heights of the points in a grid, without those of surfaces that hang above it.  called: as Polygon has
+    it.  Raises InputError where too few lie inside."""
     cells = grid.cells(places)
     used = np.flatnonzero(cells >= 0)
     used = used[~hanging(cells[used], above[used], grid)]
     if (grid.inside.ravel()[cells[used]] > 0).sum() < _FEWEST:
-        raise InputError("too few measured points lie inside this polygon for a volume")
+        raise InputError(f"too few measured points lie in this {called} for a volume")
     return cells[used], places[used], above[used]
 
 

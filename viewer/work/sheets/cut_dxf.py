@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...common.text import printable
-from ..dimensioning.dimensions import Dimension, laid_apart
+from ..dimensioning.dimensions import CutDimensions, laid_apart
 from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles
 from ..measuring.measure_dxf import INSUNITS
 from ..measuring.measure_text import unit_name
@@ -34,7 +34,7 @@ _WIDTH = 0.75
 def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, step: float, texts: Sequence[str],
                   metres_per_unit: float | None,
                   models: Sequence[tuple[str, int, Sequence[Polyline]]] = (),
-                  dimensions: Sequence[Dimension] = ()) -> None:  # fmt: skip
+                  dimensions: CutDimensions | None = None) -> None:  # fmt: skip
     """Writes the drawing to an open path; the caller replaces an older file.
 
     low, high: (2,) paper coordinates of what was measured in the cut.  step: of the grid, file units.  texts: lines beneath the
@@ -60,7 +60,12 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
     space.add_lwpolyline(edge, close=True, dxfattribs={"layer": FRAME})
     size = _HEIGHT * step
     add_styles(drawing, size)
-    for each in laid_apart(dimensions, size, lambda text: _WIDTH * size * len(text)):
+    measured, frame = dimensions or CutDimensions(), np.array(edge)[[0, 2]]
+    for area in measured.areas:
+        space.add_lwpolyline(area.outline.tolist(), close=True, dxfattribs={"layer": DIMENSIONS})
+        space.add_mtext(printable(area.text), {"layer": DIMENSIONS, "style": STYLE, "char_height": size, "attachment_point": 5,
+                                               "insert": tuple(area.place.tolist())})
+    for each in laid_apart(measured.lines, size, lambda text: _WIDTH * size * len(text), frame, measured.areas):
         add_dimension(space, np.array([each.start, each.end]), each.offset, printable(each.text), each.digits, DIMENSIONS)
     xs, ys = grid_places(left, right, step), grid_places(bottom, top, step)
     for x in xs:
