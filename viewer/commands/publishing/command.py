@@ -14,6 +14,7 @@ from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ...preprocess.scan_description import ScanWarning, WarningTopic
 from ...work.cameras.camera_files import KNOWN_CAMERAS
+from ..comparing.published_change import CHANGE
 from ..neural_setup import check_weights
 from ..options import memory_of
 from ..photo_option import give_photographs, photographs_of_folder
@@ -46,15 +47,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              f"{PLANNED} planned places (default auto)")
     parser.add_argument("--size", "--face-size", type=int, choices=SIDES, default=1024,
                         help="pixels of a side of the six pictures around a place (default 1024)")
-    parser.add_argument("--second", choices=[*_SECOND, "none"],
-                        help="a second view, shown beside the first by a handle (default: raw, none where the first is raw)")
+    parser.add_argument("--second", choices=[*_SECOND, CHANGE, "none"],
+                        help=f"a second view, shown beside the first by a handle; {CHANGE}: the distances of the comparison "
+                             f"that the project shows, with legend and histogram (default: {CHANGE} where there is one, else "
+                             "raw, none where the first is raw)")
     add_workers(parser, "places")
     parser.add_argument("--title", default="", metavar="TEXT",
                         help="of the page (default: the name of the scan or project; of several, of the first)")
 
 
-def second_view(view: str, asked: str | None = None) -> str | None:
-    """The view beside ``view``, None for none.  asked: of the option.  Raises InputError where it is the same."""
+def second_view(view: str, asked: str | None = None, document: "Document | None" = None) -> str | None:
+    """The view beside ``view``, None for none.  asked: of the option.  document: whose comparison may be that view.  Raises
+    InputError where it is the same, or a comparison that is not there."""
+    compared = document is not None and document.comparison is not None
+    if asked == CHANGE and not compared:
+        raise InputError("there is no comparison", option="--second", value=asked,
+                         remedy="give a project in which Compare shows one")
+    if asked == CHANGE or (asked is None and compared):
+        return CHANGE
     if asked == view:
         raise InputError("is the first view already", option="--second", value=asked, remedy="give another view, or none")
     return None if asked == "none" or (asked is None and view == "raw") else asked or "raw"
@@ -114,9 +124,11 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     from ...work.project import is_project
     from ..open_project import opened
 
-    form = Form(side=options.size, second=second_view(settings.view, options.second))
+    if options.second == settings.view:
+        second_view(settings.view, options.second)  # refused before scans are read
 
     def publication(scene: "Scene", document: "Document") -> Publication:
+        form = Form(side=options.size, second=second_view(settings.view, options.second, document))
         places = chosen_places(scene, document, wanted)
         project = options.scans[0] if is_project(options.scans[0]) else None
         more = len(options.scans) - 1
@@ -129,7 +141,7 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
             rendered, size = made.write(renderer, composer, _warn)
     else:
         made = publication(*opened(options, meshes=True, workers=workers))  # builds a grid that is not in the cache once
-        rendered, size = made.write_by(_Places(options, settings, made.places, form), workers, _warn)
+        rendered, size = made.write_by(_Places(options, settings, made.places, made.form), workers, _warn)
     places = made.places
     kept = f", {len(places) - rendered:,} kept" if rendered < len(places) else ""
     print(f"{counted(len(places), 'place')}{kept}, {bytes_text(size)}: open {options.out / 'index.html'}")

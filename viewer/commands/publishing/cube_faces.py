@@ -20,6 +20,7 @@ from .depth_codes import DepthScale
 from .face_margins import blended, with_margin
 
 if TYPE_CHECKING:
+    from ...picture.point_sets import PointLevels
     from ...render.described_picture import Composer
     from ...render.renderer import Renderer
 
@@ -64,9 +65,10 @@ def face_cameras(position: np.ndarray, side: int, up=(0.0, 0.0, 1.0), name: str 
 
 
 def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, position: np.ndarray, *, side: int,
-                 depth_side: int, second: str | None) -> PlaceFaces:
+                 depth_side: int, second: str | None, changes: "PointLevels | None" = None) -> PlaceFaces:
     """The faces of a place.  spec: view, settings, edits and background; its camera is not looked at.  side: of ``pictures``, a
-    multiple of ``depth_side``.  second: a view without the network.  Raises DeviceError."""
+    multiple of ``depth_side``.  second: a view without the network.  changes: levels of the points, with which alone the
+    second view is drawn, filtered.  Raises DeviceError."""
     from ...render.described_picture import render
 
     wide, others, depths, masks = [], [], [], []
@@ -76,12 +78,18 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
         wide.append(composite(composer.images(render(renderer, one), one)[0], spec.background))
     for camera in small:
         one = replace(spec, camera=camera, settings=replace(spec.settings, view="filled"), views=("filled",))
-        frame = render(renderer, one, more=() if second is None else (second,), filled_depth=True)
+        frame = render(renderer, one, more=(second,) if second is not None and changes is None else (), filled_depth=True)
         depth, measured = composer.surface(frame, one)
         depths.append(depth)
         masks.append(measured)
-        if second is not None:
+        shown = None
+        if changes is not None:
+            shown = replace(one, settings=replace(spec.settings, view="filtered"), views=("filtered",),
+                          edits=replace(spec.edits, changes=changes))
+            frame = render(renderer, shown)
+        elif second is not None:
             shown = replace(one, views=(second,))
+        if shown is not None:
             others.append(composite(composer.images(frame, shown)[0], spec.background))
     stacked = np.stack(depths)
     scale = DepthScale.of(stacked)

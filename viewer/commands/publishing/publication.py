@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +36,7 @@ from ...picture.edits import Edits
 from ...picture.json_values import to_json
 from ...picture.point_sets import NO_POINTS
 from ...picture.spec import PictureSpec
+from ..comparing.published_change import CHANGE, published_change
 from .coming_files import ComingFiles
 from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from ...render.described_picture import Composer
     from ...render.renderer import Renderer
     from ...work.document import Document
+    from ..comparing.published_change import PublishedChange
     from .places import Place
 
 PAGE = Path(__file__).parent / "page"
@@ -66,7 +69,7 @@ FIRST_STRIDE = 2
 @dataclass(frozen=True)
 class Form:
     """side: pixels of a face, a multiple of ``small``.  small: of the first pictures, of depth and of the second view.
-    second: a view without the network, or None."""
+    second: a view without the network; ``change``: the comparison that the document has; or None."""
 
     side: int = 1024
     small: int = 512
@@ -97,8 +100,9 @@ class Publication:
         Raises InputError where the folder holds other files, another process publishes into it, or it cannot be written,
         DeviceError where a picture cannot be made."""
         check_folder(self.out)
-        if self.document.comparison is not None:
-            problem("the comparison of two dates that the project shows is not part of a publication: its pages show the scans")
+        change = self._change
+        if self.document.comparison is not None and change is None:
+            problem("the comparison that the project shows is not part of this publication: --second change shows it")
         attached, note_files = picture_scripts(self.document.annotations, self.project, problem)
         with self._coming.opened(self._waiting, len(self.places)):
             finished = [self._finished(number) for number in range(len(self.places))]
@@ -111,6 +115,7 @@ class Publication:
                               attached=attached)
             data |= {"format": _FORMAT, "side": self.form.side, "small": self.form.small, "stride": FIRST_STRIDE,
                      "second": self.form.second, "sizes": sizes}
+            data |= {} if change is None else {"change": change.data}
             if note_files:
                 with out_folder(self._coming.folder / "notes"):
                     write_together(self._coming.folder / "notes", {
@@ -131,13 +136,19 @@ class Publication:
         """The pictures of a place, and its record."""
         place = self.places[number]
         faces = render_place(renderer, composer, self._spec(place), place.position, side=self.form.side,
-                             depth_side=self.form.small, second=self.form.second)
+                             depth_side=self.form.small, second=self.form.second,
+                             changes=None if self._change is None else self._change.levels)
         return faces, {"made_of": self._digest(place), "near": faces.scale.near, "step": faces.scale.step,
                        "floor": floor_below(faces), "yaw": open_heading(faces)}
 
     @property
     def _parts(self) -> tuple[str, ...]:
         return PARTS if self.form.second is not None else PARTS[:-1]
+
+    @cached_property
+    def _change(self) -> "PublishedChange | None":
+        """The comparison, where it is the second view.  Raises InputError where it cannot be made."""
+        return published_change(self.scene, self.document.edits) if self.form.second == CHANGE else None
 
     @property
     def _coming(self) -> ComingFiles:
@@ -166,6 +177,8 @@ class Publication:
             "background": self._spec(place).background,
             "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE], "edges": [MARGIN, BAND],
         }  # fmt: skip
+        if self.form.second == CHANGE:
+            made_of["comparison"] = to_json(self.document.comparison)
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
     def _finished(self, number: int) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ....commands.photo_option import use_photographs
+from ....commands.publishing.command import second_view
 from ....commands.publishing.own_files import check_folder
 from ....commands.publishing.place_choice import PLANNED
 from ....commands.publishing.publication import Form, Publication
@@ -118,7 +119,7 @@ class PublishDialog:
                     self.view = view
             ui.end_combo()
         ui.pop_item_width()
-        self.second = ui.checkbox("with the raw points, to compare", self.second)[1]
+        self.second = ui.checkbox("with a second view, to compare", self.second)[1]
         if self.plan is None:
             ui.dummy((theme.px(_PLAN), theme.px(4)))
             ui.text_wrapped(self.problem or "Planning the places…")
@@ -158,7 +159,7 @@ class PublishDialog:
         document = session.work.as_saved(session.camera, view.shown_settings, view.background)
         title = session.work.project.stem if session.work.project is not None else session.shown_scan.title.split(".")[0]
         job = Publication(scene, document, replace(view.shown_settings, view=self.view), plan.places, out, title,
-                          Form(second="raw" if self.second else None), session.work.project)
+                          Form(second=second_view(self.view, None if self.second else "none", document)), session.work.project)
         self._out, self.open = out, False
         self.worker = Worker(lambda: written(job), f"Publishing {out.name}", session.loads.wake, niceness=BESIDE)
 

@@ -179,7 +179,14 @@ function tools(view: View, measuring: Measuring): void {
 // The handle between the second view and the first.
 function handle(view: View): void {
   const bar = by("handle"), { second } = view.scene;
+  const { change } = view.scene, legend = by("change");
   by("compare").hidden = second === null;
+  if (change) {
+    const picture = by<HTMLImageElement>("change-picture");
+    picture.src = `data:image/png;base64,${change.picture}`;
+    picture.alt = change.text;
+    by("compare").title = "Compare with the distances of the two scans (V)";
+  }
   const set = (share: number) => {
     view.second = Math.min(Math.max(share, 0), 1);
     bar.style.left = `${100 * view.second}%`;
@@ -192,6 +199,7 @@ function handle(view: View): void {
     const on = view.second < 0;
     toggle("compare", on);
     bar.hidden = !on;
+    legend.hidden = !(on && change);
     if (!on) {
       view.second = -1;
       view.redraw();
@@ -201,7 +209,7 @@ function handle(view: View): void {
     by("right").textContent = view.scene.view;
     if (await view.loaded(view.visits.other(view.place))) return set(0.5);
     toggle("compare", false);
-    bar.hidden = true;
+    bar.hidden = legend.hidden = true;
   });
   bar.addEventListener("pointerdown", (event) => bar.setPointerCapture(event.pointerId));
   bar.addEventListener("pointermove", (event) => {

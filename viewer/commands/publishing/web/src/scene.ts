@@ -57,6 +57,7 @@ export interface SceneData {
   title: string;
   view: string;
   second: string | null;
+  change?: { picture: string; text: string }; // of the second view "change": legend and histogram (PNG), their words
   unit: string;
   metre: number; // units in a metre
   spacing: number; // of the scan's points

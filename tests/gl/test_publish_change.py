@@ -1,0 +1,42 @@
+"""``pointglass publish`` of a project that shows a comparison: its colours are the second view, with legend and figures."""
+
+import base64
+import io
+
+import numpy as np
+from dated_scans import dates_in_colour
+from PIL import Image
+from test_publish import publish, value_of
+
+from pointglass.viewer.picture.camera import from_fov, look_at
+from pointglass.viewer.picture.dates.date_comparison import DateComparison
+from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.project import write_project
+from pointglass.viewer.work.viewpoint import Viewpoint
+
+
+def test_a_comparison_is_the_second_view_with_its_legend(seed, tmp_path):
+    files = dates_in_colour(tmp_path, seed)
+    before, after = ((file.name, len(file.read_text().splitlines())) for file in files)
+    view = Viewpoint.of(from_fov(64, 64, 60.0, look_at((1.6, 2.0, 4.0), (1.6, 2.1, 0.0))), "above")
+    document = Document(scans=tuple(ScanFile(str(file)) for file in files), viewpoints=(view,),
+                        comparison=DateComparison(before, after, "c2c", limit=1.0))
+    write_project(tmp_path / "p.pointglass", document)
+    options = "--at", "viewpoints", "--view", "filled", "--size", 512, "--out", tmp_path / "site"
+    done = publish(tmp_path / "p.pointglass", *options)
+    assert done.returncode == 0, done.stderr
+    data = value_of(tmp_path / "site" / "scene.js")
+    assert data["second"] == "change" and data["view"] == "filled"
+    assert data["change"]["text"].startswith("after.xyz compared with before.xyz\nmedian ")
+    with Image.open(io.BytesIO(base64.b64decode(data["change"]["picture"]))) as figure:
+        assert figure.size[0] > 600 and np.ptp(np.asarray(figure.convert("L"))) > 200
+    down = base64.b64decode(value_of(tmp_path / "site" / "places" / "000.second.js")["pictures"][5])
+    shown = np.asarray(Image.open(io.BytesIO(down)).convert("RGB"), int)
+    red, floor = shown[..., 0] - shown[..., 2] > 20, shown.min(axis=2) > 150
+    assert 0.003 < red.mean() < 0.1 and floor.mean() > 0.02  # the box that came, and what stayed
+    again = publish(tmp_path / "p.pointglass", *options, "--second", "raw")
+    assert again.returncode == 0 and "--second change shows it" in again.stderr
+    assert "change" not in value_of(tmp_path / "site" / "scene.js")
+    write_project(tmp_path / "p.pointglass", Document(scans=document.scans, viewpoints=(view,)))
+    none = publish(tmp_path / "p.pointglass", *options, "--second", "change")
+    assert none.returncode == 2 and "there is no comparison; give a project in which Compare shows one" in none.stderr
