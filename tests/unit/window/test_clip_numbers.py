@@ -8,6 +8,7 @@ import pytest
 from pointglass.viewer.picture.clip import Box, Slab, contains, vector
 from pointglass.viewer.window.interaction.clipping.clip_numbers import AXES, SIDES, draw_numbers, with_centre, with_size
 from pointglass.viewer.window.interaction.clipping.clip_tool import turned
+from pointglass.viewer.window.kit.sliders import number_input
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -31,6 +32,13 @@ def test_a_typed_coordinate_moves_along_one_axis_of_the_file_to_the_last_digit()
 def test_no_number_and_no_size_change_nothing(typed):
     stored, ui = [], MagicMock()
     ui.input_double.return_value = (True, typed)
-    draw_numbers(ui, Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), 3, lambda *given: stored.append(given[2]))
+    draw_numbers(ui, Box((7.0, 7.0, 7.0), (1.0, 1.0, 1.0)), 3, lambda *given: stored.append(given[2]))
     assert [call.args[0] for call in ui.input_double.call_args_list] == [f"##{name}" for name in AXES + SIDES]
     assert stored == (list(AXES) if np.isfinite(typed) else [])
+
+
+@pytest.mark.parametrize(("read", "expected"), [(1.235, 1.23456789), (1.2354, 1.2354), (1.2345678, 1.2345678), (2.0, 2.0)])
+def test_a_field_that_is_left_as_it_was_keeps_the_digits_that_it_does_not_show(read, expected):
+    ui = MagicMock()
+    ui.input_double.return_value = (True, read)
+    assert number_input(ui, "##x", 1.23456789, "strip %.3f m wide") == (read == expected, expected)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....picture.clip import Box, Clip, vector
+from ...kit.sliders import number_input
 
 AXES = ("x", "y", "z")
 SIDES = ("length", "width", "height")
@@ -47,4 +48,4 @@ def _field(ui: Any, name: str, value: float, places: int) -> tuple[bool, float]:
     ui.text_unformatted(name)
     ui.same_line(ui.calc_text_size("m" * 5).x)
     ui.set_next_item_width(-1)
-    return ui.input_double(f"##{name}", value, 0.0, 0.0, f"%.{places}f")
+    return number_input(ui, f"##{name}", value, f"%.{places}f")

@@ -11,6 +11,7 @@ import numpy as np
 from ....picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
 from ....work.document import replaced, unique_name, without
 from ...kit import icons
+from ...kit.sliders import number_input
 from ..editing import edit, end, metres_per_unit, unit_of
 from ..outline import Group, Row
 from ..tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
@@ -267,9 +268,9 @@ class ClipTool(Tool):
             self._store(context, f"Invert {clip.name}", replace(clip, removes=removes))
         if isinstance(clip, Slab):
             ui.set_next_item_width(-1)
-            changed, thickness = ui.input_float("##thickness", clip.thickness, 0.0, 0.0, f"%.4g {unit_of(context)} thick")
+            changed, thickness = number_input(ui, "##thickness", clip.thickness, f"%.4g {unit_of(context)} thick")
             if changed and np.isfinite(thickness) and thickness > 0:
-                self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=float(thickness)), "thickness")
+                self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=thickness), "thickness")
         metres = metres_per_unit(context)
         draw_numbers(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3,
                      lambda what, typed, field: self._store(context, what, typed, ("typed", field)))

@@ -9,6 +9,7 @@ from ....work.comparing.distance_statistics import change_words
 from ....work.comparing.facing import TEXTS
 from ....work.comparing.scene_changes import Coloured, SceneDistances
 from ....work.scan_files import FilePart
+from ...kit.sliders import number_input
 from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..tool import ToolContext
@@ -113,7 +114,7 @@ def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
         _methods(ui, tool)
     ui.text_unformatted(f"registration unsure by, {tool.unit(context)}")
     ui.set_next_item_width(-1)
-    value = ui.input_double("##registration", tool.registration, 0.0, 0.0, "%.4g")[1]
+    value = number_input(ui, "##registration", tool.registration, "%.4g")[1]
     if np.isfinite(value) and value >= 0:
         tool.registration = float(value)
     if ui.is_item_hovered():
@@ -164,7 +165,7 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
                        f"positive (red): {TEXTS[tool.made.distances.rule]}")
     ui.text_unformatted(f"colours end at ±, {unit}")
     ui.set_next_item_width(-1)
-    entered, value = ui.input_double("##range", found.limit, 0.0, 0.0, "%.4g", ui.InputTextFlags_.enter_returns_true)
+    entered, value = number_input(ui, "##range", found.limit, "%.4g", ui.InputTextFlags_.enter_returns_true)
     if (entered or ui.is_item_deactivated_after_edit()) and np.isfinite(value) and value > 0 and value != found.limit:
         tool.show(context, limit=float(value))
     if ui.button("auto"):

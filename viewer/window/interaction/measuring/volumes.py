@@ -15,6 +15,7 @@ from ....work.measuring.profile import WIDTH, Profile, measured_profile
 from ....work.measuring.volume import Volume
 from ....work.scan_files import files_of
 from ....work.selection import Selection
+from ...kit.sliders import number_input
 from ...kit.worker import Worker
 from ...session.two_dates import dates_of
 from ..editing import drawn_points, unit_of
@@ -118,7 +119,7 @@ class Volumes:
         if kind == "profile":
             ui.set_next_item_width(-1)
             usual = WIDTH * (context.scene.spacing if context.scene is not None else 0.0)
-            changed, width = ui.input_double("##width", self.width or usual, 0.0, 0.0, f"strip %.3f {unit_of(context)} wide")
+            changed, width = number_input(ui, "##width", self.width or usual, f"strip %.3f {unit_of(context)} wide")
             if changed:
                 self.width = width if width > 0 else None
             if ui.is_item_hovered():
@@ -134,7 +135,7 @@ class Volumes:
             ui.end_combo()
         if self.base == TYPED:
             ui.set_next_item_width(-1)
-            changed, height = ui.input_double("##height", self.height or 0.0, 0.0, 0.0, f"%.3f {unit_of(context)}")
+            changed, height = number_input(ui, "##height", self.height or 0.0, f"%.3f {unit_of(context)}")
             self.height = height if changed else self.height
             if ui.is_item_hovered():
                 ui.set_tooltip("Height of the base along the up axis; until one is typed, that of the first corner")

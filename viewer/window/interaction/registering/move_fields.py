@@ -5,6 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ....common.rigid_transform import IDENTITY, Rows, motion_text
+from ...kit.sliders import number_input
 from ..editing import unit_of
 from ..tool import ToolContext
 
@@ -57,4 +58,4 @@ def number_field(ui: Any, name: str, value: float, form: str) -> tuple[bool, flo
     ui.text_unformatted(name)
     ui.same_line(ui.calc_text_size(_LABEL).x)
     ui.set_next_item_width(-1)
-    return ui.input_double(f"##{name}", value, 0.0, 0.0, form)
+    return number_input(ui, f"##{name}", value, form)

@@ -8,6 +8,7 @@ from ....picture.colour_modes import CLASSES
 from ....picture.regions import LAST_CLASS
 from ....work.selecting.connected_region import usual_gap
 from ....work.selecting.select_points import HOW
+from ...kit.sliders import number_input
 from ..editing import edit, metres_per_unit, unit_of
 from ..tool import ToolContext
 from .listed_sets import class_name, thousands
@@ -80,7 +81,7 @@ class SelectPanel:
             self._tip(ui, "One smooth surface; otherwise everything that is not separated by a gap")
             ui.set_next_item_width(-1)
             usual = usual_gap(context.scene)
-            changed, gap = ui.input_double("##gap", tool.gap or usual, 0.0, 0.0, f"gap %.3f {unit_of(context)}")
+            changed, gap = number_input(ui, "##gap", tool.gap or usual, f"gap %.3f {unit_of(context)}")
             if changed:
                 tool.gap = gap if np.isfinite(gap) and gap > 0 else None
             self._tip(ui, "Points farther apart do not hang together; 0: from the spacing of the points")
