@@ -16,6 +16,7 @@ def test_a_turned_box_has_the_size_that_was_typed_along_its_own_axis_and_keeps_i
     rng = np.random.default_rng(seed)
     centre, half, size = rng.normal(size=3) * 1e5, rng.uniform(1, 5, 3), float(rng.uniform(0.5, 20))
     box = turned(Box(vector(centre), vector(half)), float(rng.uniform(0, 360)), np.array([0.0, 0.0, 1.0]))
+    assert isinstance(box, Box)
     made = with_size(box, axis, size)
     assert made.centre == box.centre and made.axes == box.axes
     edge = np.array(made.axes[axis]) * size / 2
