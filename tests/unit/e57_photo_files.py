@@ -91,6 +91,15 @@ def paint(at: np.ndarray) -> np.ndarray:
     return np.clip(smooth + 30 * (np.floor(at * 3 + 0.13).sum(-1) % 2)[..., None], 0, 255).astype(np.uint8)
 
 
+def patches(at: np.ndarray) -> np.ndarray:
+    """(..., 3) room coordinates -> (..., 3) uint8: patches of random places, sizes and colours, nowhere alike (Voronoi cells)."""
+    from scipy.spatial import cKDTree
+
+    rng = np.random.default_rng(7)
+    seeds = hit(np.zeros(3), rng.normal(size=(3000, 3)))
+    return rng.integers(20, 235, (3000, 3)).astype(np.uint8)[cKDTree(seeds).query(at)[1]]
+
+
 def hit(position: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """Where rays from inside the room meet its walls, room coordinates."""
     with np.errstate(divide="ignore"):

@@ -6,10 +6,14 @@ from pathlib import Path
 import numpy as np
 from drive_dialogs import Person, main
 
+from pointglass.viewer.commands.photo_placing import photo_search
 from pointglass.viewer.window.flight.navigation import view_along
+from pointglass.viewer.work.photo_poses import reference_views
+from pointglass.viewer.work.project import read_project, write_project
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
+import e57_photo_files
 from e57_photo_files import AWAY, pinhole, room_points, write_photos
 
 
@@ -31,6 +35,31 @@ def check_the_switch_changes_the_picture_and_gives_it_back(p: Person, folder: Pa
     assert np.mean(np.abs(pictures[0].astype(int) - pictures[1]).max(-1) > 8) > 0.05
     assert np.array_equal(pictures[0], pictures[2])
     p.d.picture("with photographs")
+
+
+def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undone(p: Person, folder: Path) -> None:
+    e57_photo_files.paint = e57_photo_files.patches
+    reference_views.TURNS, photo_search.PLACES = ((0.0, 8, 0.0),), 1  # fewer views: less time
+    photo = pinhole((0.4, -0.3, 0.2), 0.6, name="unplaced", size=(640, 480), fl=420.0)
+    photo.quaternion = None
+    p.d.drop(write_photos(folder / "unplaced.e57", [photo], *room_points(400_000)))
+    p.opened("unplaced.e57")
+    tool = p.d.app.toolbox.active
+    p.d.until(lambda: tool.pictures, 60.0)
+    p.click(tool.pictures[0].text)
+    p.click("Find where it was taken")
+    work = p.d.session.work
+    p.d.until(lambda: tool.placer.worker is None, 200.0)
+    assert work.document.photographs, tool.placer.said
+    placed, = work.document.photographs
+    assert np.linalg.norm(np.array(placed.camera_to_world)[:3, 3] - AWAY - (0.4, -0.3, 0.2)) < 0.06
+    assert work.photo is not None and work.photo.photo.name == "unplaced"
+    p.d.settle()
+    p.d.picture("a photograph placed by search")
+    write_project(folder / "placed.pointglass", work.document)
+    assert read_project(folder / "placed.pointglass").photographs == (placed,)
+    p.key("ctrl+z")
+    assert work.document.photographs == ()
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}

@@ -1,27 +1,66 @@
 """The folder that ``--photos`` names, read for a renderer."""
 
+import logging
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
+
+from ..common.errors import InputError
 
 if TYPE_CHECKING:
     from ..picture.settings import Settings
     from ..readers.posed_photograph import PosedPhotograph
     from ..render.renderer import Renderer
 
+Photographs: TypeAlias = "list[PosedPhotograph] | UnplacedFolder"
+"""Those of a folder, with their cameras or without."""
+_log = logging.getLogger(__name__)
 
-def photographs_of_folder(settings: "Settings") -> "list[PosedPhotograph] | None":
+
+@dataclass(frozen=True)
+class UnplacedFolder:
+    """Photographs without cameras: where they were taken is searched in the scan.  paths: their files."""
+
+    folder: Path
+    paths: tuple[Path, ...]
+
+
+def photographs_of_folder(settings: "Settings") -> "Photographs | None":
     """The photographs of the folder that the settings name; None where they name none.  Raises InputError."""
     if settings.photos in ("auto", "off"):
         return None
-    from ..work.pictures.photo_folder import photographs_in
+    from ..work.pictures.photo_folder import photographs_in, without_cameras
 
-    return photographs_in(Path(settings.photos))
+    folder = Path(settings.photos)
+    if paths := without_cameras(folder):
+        return UnplacedFolder(folder, tuple(paths))
+    return photographs_in(folder)
 
 
-def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "list[PosedPhotograph] | None") -> None:
-    """Has a renderer use them."""
+def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "Photographs | None") -> None:
+    """Has a renderer use them.  Raises InputError where none of a folder without cameras is found in the scan."""
+    if isinstance(photographs, UnplacedFolder):
+        photographs = _placed(renderer, photographs)
     if photographs is not None:
         renderer.photographs.give(settings.photos, photographs)
+
+
+def _placed(renderer: "Renderer", unplaced: UnplacedFolder) -> "list[PosedPhotograph]":
+    from ..picture.placed_photograph import PlacedPhotograph
+    from ..readers.placed_photographs import posed
+    from ..work.document import Document
+    from .photo_placing.photo_search import PhotoSearch, of_file, told
+
+    search, placed = PhotoSearch(renderer, Document()), []
+    for path in unplaced.paths:
+        found = search.find(of_file(path))
+        _log.warning("%s", told(found, str(path)))
+        if isinstance(found, PlacedPhotograph):
+            placed.append(posed(found))
+    if not placed:
+        raise InputError("where its photographs were taken was not found in the scan", file=unplaced.folder,
+                         remedy="add transforms.json or a COLMAP model in the scan's coordinates")
+    return placed
 
 
 def use_photographs(renderer: "Renderer", settings: "Settings") -> None:

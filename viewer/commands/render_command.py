@@ -17,7 +17,7 @@ from ..readers.meshes.mesh_formats import scans_and_meshes
 from .mesh_files import beside, with_meshes
 from .neural_setup import check_weights
 from .options import memory_of
-from .photo_option import give_photographs, photographs_of_folder
+from .photo_option import Photographs, UnplacedFolder, give_photographs, photographs_of_folder
 from .render_pictures import check_aux, export_picture, export_pictures, parse_shard, parse_size, picture_files
 from .workers_option import workers_of
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..grid.scene import Scene
     from ..picture.settings import Memory, Settings
     from ..picture.spec import PictureSpec
-    from ..readers.posed_photograph import PosedPhotograph
     from ..render.renderer import Renderer
     from ..work.pictures.shot_metadata import Shot
 
@@ -53,7 +52,7 @@ class _Pictures:
         return prepared(scene, shot.spec.edits.ghosts) if shot else scene
 
     @contextmanager
-    def renderer(self, photographs: "list[PosedPhotograph] | None", tell: "Callable[[Scene], object]") -> "Iterator[Renderer]":
+    def renderer(self, photographs: "Photographs | None", tell: "Callable[[Scene], object]") -> "Iterator[Renderer]":
         """tell: is given the scene before the renderer is made."""
         from ..render.device.context import create_context
         from ..render.renderer import Renderer
@@ -120,6 +119,9 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
                                         resume=options.resume)
     else:
         tell(work.scene(workers))  # where its grid is not in the cache yet, it is built once
+        if isinstance(photographs, UnplacedFolder):
+            with work.renderer(photographs, lambda scene: None):  # places them once; each worker reads the cache
+                pass
         check_aux(specs, aux=options.aux)
         ready()
         with replaced_told(written), out_folder(options.out):

@@ -15,6 +15,7 @@ from .dates.date_comparison import DateComparison
 from .json_values import UNLESS_DEFAULT
 from .look import Look
 from .meshes.mesh_layer import MOST_MESHES, MeshLayer
+from .placed_photograph import MOST_PLACED, PlacedPhotograph
 from .point_sets import NO_POINTS, PointLevels, PointSet
 from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS
@@ -45,7 +46,8 @@ class Edits:
     hidden_classes: codes of the classes that are not drawn.  regions: named sets of points.  reclassified: points that have
     another class than in their file, each in one entry.  selection: points that are tinted.  comparison: of two dates, which
     colours points in place of the look, by changes: the levels of points made of it, never stored; None until they are made
-    (viewer.work.comparing.scene_changes).  meshes: laid beside the points.
+    (viewer.work.comparing.scene_changes).  meshes: laid beside the points.  photographs: whose poses were found, which colour
+    surfaces as those of the scan do.
     Raises InputError naming a bad value.
     """
 
@@ -62,6 +64,7 @@ class Edits:
     comparison: DateComparison | None = field(default=None, metadata=UNLESS_DEFAULT)
     changes: PointLevels | None = field(default=None, metadata={"not_stored": True})
     meshes: tuple[MeshLayer, ...] = field(default=(), metadata=UNLESS_DEFAULT)
+    photographs: tuple[PlacedPhotograph, ...] = field(default=(), metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         if not abs(math.hypot(*self.up) - 1.0) <= 1e-6:  # hypot, because squares of what a file holds may overflow
@@ -80,6 +83,8 @@ class Edits:
             raise InputError(f"points are given {len(given)} classes: {MOST_CHANGES} can be at once")
         if len(self.meshes) > MOST_MESHES:
             raise InputError(f"{len(self.meshes)} meshes: {MOST_MESHES} can be shown at once")
+        if len(self.photographs) > MOST_PLACED:
+            raise InputError(f"{len(self.photographs)} placed photographs: {MOST_PLACED} can be at once")
 
     @property
     def none(self) -> bool:

@@ -102,8 +102,8 @@ class PictureSpec:
 
     @property
     def plain(self) -> bool:
-        """Whether the picture shows no more than camera, settings, background and meshes say."""
-        return replace(self.edits, meshes=()).none and not (self.compares or self.tint)
+        """Whether the picture shows no more than camera, settings, background, meshes and photographs say."""
+        return replace(self.edits, meshes=(), photographs=()).none and not (self.compares or self.tint)
 
     @property
     def rendered_views(self) -> tuple[str, ...]:
@@ -112,9 +112,9 @@ class PictureSpec:
         return tuple(dict.fromkeys((*self.views, *(("filtered",) if measured else ()))))
 
     def to_json(self) -> dict[str, Any]:
-        """An object that :meth:`from_json` turns into the same description, but for the paths of meshes, of which it has the
-        names: a picture that is passed on tells nobody's folders.  Raises ValueError for the tint, which the format does not
-        hold."""
+        """An object that :meth:`from_json` turns into the same description, but for the paths of meshes and photographs, of
+        which it has the names: a picture that is passed on tells nobody's folders.  Raises ValueError for the tint, which the
+        format does not hold."""
         if self.tint:
             raise ValueError("the tint of provenance is not part of a stored description")
         edits = _with_names(self.edits)
@@ -152,8 +152,11 @@ class PictureSpec:
 
 
 def _with_names(edits: Edits) -> Edits:
-    """With the names of meshes in place of their paths."""
-    return replace(edits, meshes=tuple(replace(layer, path=layer.name) for layer in edits.meshes)) if edits.meshes else edits
+    """With the names of meshes and photographs in place of their paths."""
+    if not (edits.meshes or edits.photographs):
+        return edits
+    return replace(edits, meshes=tuple(replace(layer, path=layer.name) for layer in edits.meshes),
+                   photographs=tuple(replace(photo, path=photo.file_name) for photo in edits.photographs))
 
 
 def camera_to_json(camera: Camera) -> dict[str, Any]:

@@ -125,6 +125,7 @@ class Renderer:
         for view in views:
             if view not in VIEWS:
                 raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+        self.photographs.placed = () if edits is None else edits.photographs
         edits = None if edits is None else edits.shown_in(views)
         while True:
             try:

@@ -158,6 +158,7 @@ def with_whole_names(document: Document) -> Document:
         measurements=tuple(replace(named(made), points=points(made)) for made in document.measurements),
         annotations=tuple(note.with_whole_texts() for note in document.annotations),
         regions=tuple(map(named, document.regions)),
+        photographs=tuple(map(named, document.photographs)),
     )
 
 

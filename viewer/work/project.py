@@ -1,10 +1,10 @@
 """The project file, ``.pointglass``: one JSON file with a Document in it, opened exactly as it was left.
 
 ``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.work.document,
-clips carry their ``type``.  Paths of scans, of weights and of the pictures of notes are relative to the project file, with
-``/``, where at most two folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its size and a
-checksum (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.  A scan that was moved has
-``transform``, the four rows of the rigid matrix from its file's coordinates to the document's; others lack the key.
+clips carry their ``type``.  Paths of scans, of weights, of photographs and of the pictures of notes are relative to the project
+file, with ``/``, where at most two folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, its
+size and a checksum (viewer.work.moved_scans).  Numbers keep all 17 digits: reading gives the same values.  A scan that was
+moved has ``transform``, the four rows of the rigid matrix from its file's coordinates to the document's; others lack the key.
 """
 
 import contextlib
@@ -195,4 +195,6 @@ def with_paths(document: Document, change: typing.Callable[[str], str]) -> Docum
     notes = tuple(dataclasses.replace(note, picture=change(note.picture)) if note.picture else note
                   for note in document.annotations)
     meshes = tuple(dataclasses.replace(layer, path=change(layer.path)) for layer in document.meshes)
-    return dataclasses.replace(document, scans=scans, settings=settings, annotations=notes, meshes=meshes)
+    photographs = tuple(dataclasses.replace(photo, path=change(photo.path)) for photo in document.photographs)
+    return dataclasses.replace(document, scans=scans, settings=settings, annotations=notes, meshes=meshes,
+                               photographs=photographs)

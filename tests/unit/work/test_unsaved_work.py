@@ -12,6 +12,7 @@ from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # no
 from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
+from pointglass.viewer.picture.placed_photograph import PlacedPhotograph
 from pointglass.viewer.picture.point_sets import FileRuns, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.window.kit.notices import OpenProject
@@ -36,6 +37,7 @@ CHANGES: dict[str, object] = {
     "annotations": (Annotation("a note", (0.0, 0.0, 0.0)),), "lock_measured": True, "ghosts": "dimmed",
     "hidden_classes": (7,), "regions": (Region("wall", POINTS),), "reclassified": (ClassChange(6, POINTS),),
     "selection": POINTS, "meshes": (MeshLayer("model.glb"),),
+    "photographs": (PlacedPhotograph("a.jpg", "a", 640, 480, 500.0, MOVED, 0.8, 90),),
     "comparison": DateComparison(("before.laz", 8), ("after.laz", 8)),
 }  # fmt: skip
 """Another value of each field that a person works on."""
@@ -72,7 +74,8 @@ def test_every_field_of_the_document_counts_as_work_but_where_the_camera_stands(
 def test_what_is_offered_after_a_crash_is_said_in_words_for_all_that_a_person_makes():
     said = {"viewpoints": "1 bookmark", "path": "1 keyframe", "clips": "1 clip", "measurements": "1 measurement",
             "annotations": "1 note", "regions": "1 region", "reclassified": "a new class for 3 points",
-            "selection": "3 selected points", "meshes": "1 mesh file", "comparison": "a comparison of two dates"}  # fmt: skip
+            "selection": "3 selected points", "meshes": "1 mesh file", "photographs": "1 placed photograph",
+            "comparison": "a comparison of two dates"}  # fmt: skip
     for name, value in CHANGES.items():
         document = dataclasses.replace(Document(), **{name: value})
         text = Recoverable(Path("a.json"), UnsavedWork(document, "", "", "room", 0.0)).text

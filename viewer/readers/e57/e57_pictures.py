@@ -23,7 +23,8 @@ class StoredPicture:
     """One picture of ``file``.
 
     number: its place in images2D.  kind: of REPRESENTATIONS.  width, height: pixels as the file declares them, 0 where it
-    does not.  size: bytes.  placed: whether the file says where it was taken.
+    does not.  size: bytes.  placed: whether the file says where it was taken.  focal: pixels, of a pinhole; None where the file
+    states none.
     """
 
     file: Path
@@ -34,6 +35,7 @@ class StoredPicture:
     height: int
     size: int
     placed: bool
+    focal: float | None = None
 
     @property
     def text(self) -> str:
@@ -53,7 +55,8 @@ def stored_pictures(path: Path) -> list[StoredPicture]:
             width, height = (_count(node, f"image{side}") for side in ("Width", "Height"))
             name = text_of(image, "name") or f"picture {number + 1}"
             placed = kind != "visualReference" and pose_of(image) is not None
-            found.append(StoredPicture(path, number, name, kind, width, height, blob.byteCount(), placed))
+            focal = _focal(node) if kind == "pinhole" else None
+            found.append(StoredPicture(path, number, name, kind, width, height, blob.byteCount(), placed, focal))
         return found
 
 
@@ -71,6 +74,13 @@ def _blob(image):
 def _count(node, name: str) -> int:
     value = value_of(node[name]) if node.isDefined(name) else None
     return int(value) if value is not None and 0 < value < 1e9 else 0
+
+
+def _focal(node) -> float | None:
+    """Pixels; None where the numbers of a pinhole are missing or impossible."""
+    length, pixel = (value_of(node[name]) if node.isDefined(name) else None for name in ("focalLength", "pixelWidth"))
+    found = length / pixel if length and pixel and pixel > 0 else 0.0
+    return found if 1.0 < found < 1e7 else None
 
 
 def picture_file(stored: StoredPicture) -> tuple[bytes, str]:

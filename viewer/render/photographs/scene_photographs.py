@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...common.errors import InputError
+from ...readers.placed_photographs import posed
 from ..device.context import describe_device
 from .photo_library import PhotoLibrary, library_of
 from .photo_shader import ResidentPool
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...picture.edits import Edits
+    from ...picture.placed_photograph import PlacedPhotograph
     from ...picture.settings import Settings
     from ...readers.posed_photograph import PosedPhotograph
     from .photo_pool import PhotoPool
@@ -21,13 +23,15 @@ if TYPE_CHECKING:
 
 class ScenePhotographs:
     """Makes the library when the first picture wants it.  wake: as of PhotoLibrary.  shaders: whether compute shaders colour;
-    None: on a GPU."""
+    None: on a GPU.  placed: photographs of the document that colour the next picture beside those of the scan."""
 
     shaders: bool | None = None
 
     def __init__(self, scene: "Scene", wake: Callable[[], None] = lambda: None):
         self._scene, self._wake = scene, wake
+        self.placed: tuple[PlacedPhotograph, ...] = ()
         self._libraries: dict[str, PhotoLibrary | None] = {}
+        self._with_placed: tuple[tuple[str, tuple[PlacedPhotograph, ...]], PhotoLibrary] | None = None
         self._last: PhotoLibrary | None = None
         self._resident: ResidentPool | None = None
 
@@ -41,7 +45,18 @@ class ScenePhotographs:
         return photos in ("auto", "off") or photos in self._libraries
 
     def library(self, photos: str) -> PhotoLibrary | None:
-        """The photographs that a value of Settings.photos means; None where there are none."""
+        """The photographs that a value of Settings.photos means, with those placed; None where there are none."""
+        if not self.placed or photos == "off":
+            return self._unplaced(photos)
+        if self._with_placed is None or self._with_placed[0] != (photos, self.placed):
+            if self._with_placed is not None:
+                self._with_placed[1].release()
+            own = self._unplaced(photos)
+            all_of_them = [*(own.photographs if own is not None else ()), *map(posed, self.placed)]
+            self._with_placed = (photos, self.placed), PhotoLibrary(self._scene, all_of_them, self._wake)
+        return self._with_placed[1]
+
+    def _unplaced(self, photos: str) -> PhotoLibrary | None:
         if photos not in self._libraries:
             if not self.knows(photos):
                 raise InputError("its photographs were not read", option="photos", value=photos)
@@ -83,6 +98,9 @@ class ScenePhotographs:
         if self._resident is not None:
             self._resident.release()
             self._resident = None
+        if self._with_placed is not None:
+            self._with_placed[1].release()
+            self._with_placed = None
         for library in self._libraries.values():
             if library is not None:
                 library.release()

@@ -8,9 +8,9 @@ import numpy as np
 from ...common.errors import InputError, Option
 from ...readers.decoded_picture import decoded_picture
 from ...readers.posed_photograph import PosedPhotograph
-from ..cameras.camera_files import read_cameras
+from ..cameras.camera_files import CAMERA_FORMATS, read_cameras
 
-_ENDINGS = (".jpg", ".jpeg", ".png")
+PHOTO_ENDINGS = (".jpg", ".jpeg", ".png")
 _OTHERS = ("mask", "depth", "semantic", "normal", "thumb")
 """Parts of the names of folders whose pictures are no photographs but are named like them."""
 
@@ -20,14 +20,9 @@ def photographs_in(folder: Path) -> list[PosedPhotograph]:
 
     Raises InputError where the folder holds no cameras, a lens is distorted, or no camera has its photograph.
     """
-    if not folder.is_dir():
-        raise InputError("no such folder", option=Option("--photos").name, value=folder,
-                         remedy="give auto, off, or a folder with transforms.json or a COLMAP model")
     pictures: dict[str, Path] = {}
-    for path in sorted(folder.rglob("*")):
-        inner = [part.lower() for part in path.relative_to(folder).parts[:-1]]
-        if path.suffix.lower() in _ENDINGS and not any(word in part for part in inner for word in _OTHERS):
-            pictures.setdefault(path.stem, path)
+    for path in _pictures(folder):
+        pictures.setdefault(path.stem, path)
     found = []
     for camera in read_cameras(folder):
         if (path := pictures.get(camera.name)) is not None:
@@ -36,6 +31,25 @@ def photographs_in(folder: Path) -> list[PosedPhotograph]:
                                          partial(_decode, path, (camera.width, camera.height))))
     if not found:
         raise InputError("holds no JPEG or PNG named like its cameras", file=folder)
+    return found
+
+
+def without_cameras(folder: Path) -> list[Path]:
+    """The JPEG and PNG files of a folder that has no file of cameras; empty where it has one.  Raises InputError where there is
+    no such folder."""
+    found = _pictures(folder)
+    return [] if any(row.place(folder) is not None for row in CAMERA_FORMATS) else found
+
+
+def _pictures(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise InputError("no such folder", option=Option("--photos").name, value=folder,
+                         remedy="give auto, off, or a folder of photographs, with or without transforms.json or a COLMAP model")
+    found = []
+    for path in sorted(folder.rglob("*")):
+        inner = [part.lower() for part in path.relative_to(folder).parts[:-1]]
+        if path.suffix.lower() in PHOTO_ENDINGS and not any(word in part for part in inner for word in _OTHERS):
+            found.append(path)
     return found
 
 

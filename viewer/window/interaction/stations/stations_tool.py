@@ -16,18 +16,18 @@ from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
 from ....readers.moved_source import move_of, moved_pose, moves_at
 from ....work.places.pick import station_name
-from ...flight.navigation import view_along
 from ...kit import icons
 from ...kit.sliders import slider_float
 from ...kit.theme import fitted
 from ...kit.worker import Worker
-from ...session.work import ShownPhoto
 from ..editing import edit, metres_per_unit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
+from .photo_placer import PhotoPlacer
 from .photo_switch import about_view, coloured_surfaces
 from .picture_viewer import PictureViewer, of_scan
+from .stand_at_photo import show_photo, stand_at
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -89,6 +89,7 @@ class Stations(Tool):
         self.warnings: list[str] = []
         self.pictures: list[StoredPicture] = []  # all of the scan, also those without a pose
         self.viewer = PictureViewer()
+        self.placer = PhotoPlacer()
 
     def selected(self, context: ToolContext) -> None:
         self._selected = True
@@ -102,14 +103,16 @@ class Stations(Tool):
             self._follow(context)
         self.ghosts.follow(context)
         self.viewer.follow()
+        self.placer.follow(context)
 
     @property
     def workers(self) -> tuple[Worker | None, ...]:
-        return (self.ghosts.search,)
+        return (self.ghosts.search, self.placer.worker)
 
     def close(self) -> None:
         self.ghosts.close()
         self.viewer.close()
+        self.placer.close()
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         if event.kind != "press" or event.key != "ESCAPE" or self.viewer.viewed is None:
@@ -138,18 +141,6 @@ class Stations(Tool):
                 self.photos += photos
                 self.warnings += warnings
 
-    def stand_at(self, context: ToolContext, place: np.ndarray, direction: np.ndarray | None = None) -> None:
-        """Puts the camera there, looking as before or along ``direction``."""
-        flight = context.session.flight
-        ahead = flight.state.forward if direction is None else direction
-        flight.go(view_along(place, ahead, flight.state.speed))
-        context.renew_picture()
-
-    def show(self, context: ToolContext, photo: StationPhoto) -> None:
-        """Stands where a photograph was taken, looking at its middle, with the photograph over the view."""
-        context.session.work.photo = ShownPhoto(photo)
-        self.stand_at(context, photo.position, photo.forward)
-
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.button != "left" or event.clicks != 1 or context.scene is None:
             return False
@@ -161,7 +152,7 @@ class Stations(Tool):
             away = np.nan_to_num(np.linalg.norm(pixels - event.position, axis=1), nan=np.inf)
         nearest = int(away.argmin())
         if away[nearest] <= context.pixels(GRIP):
-            self.stand_at(context, found[nearest][2])
+            stand_at(context, found[nearest][2])
             context.toast(f"Standing at {found[nearest][1]}")
         return False
 
@@ -201,7 +192,7 @@ class Stations(Tool):
 
         def stand(row: int) -> None:
             if (place := places.get(parts[row][0])) is not None:
-                self.stand_at(context, place)
+                stand_at(context, place)
             else:
                 context.toast(f"Where {parts[row][1]} stood is not known")
 
@@ -219,7 +210,7 @@ class Stations(Tool):
         def stand(row: int) -> None:
             self.wanted = True
             self.viewer.close_picture()
-            self.show(context, self.photos[row])
+            show_photo(context, self.photos[row])
 
         return Group(
             "Photographs", icons.PHOTOGRAPH, len(self.photos),
@@ -246,7 +237,7 @@ class Stations(Tool):
             if place is None:
                 ui.text_unformatted(fitted(name, room))
             elif ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
-                self.stand_at(context, place)
+                stand_at(context, place)
             if ui.is_item_hovered():
                 ui.set_tooltip(f"{name}: position "
                                + ("unknown" if place is None else "inferred from the order of the points" if inferred
@@ -269,10 +260,10 @@ class Stations(Tool):
             ui.push_id(1000 + number)
             if ui.selectable(f"{photo.name} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
                 self.viewer.close_picture()
-                self.show(context, photo)
+                show_photo(context, photo)
             ui.pop_id()
         self._pictures(ui, context)
-        if self.photos:
+        if self.photos or context.document.photographs:
             coloured_surfaces(ui, context)
         if shown is None:
             return
@@ -291,7 +282,7 @@ class Stations(Tool):
             unit = "m" if metres_per_unit(context) else "units"
             ui.text_wrapped(f"{away:.1f} {unit} from its place: the photograph has faded out")
         if ui.button("Back to its place"):
-            self.stand_at(context, shown.photo.position, shown.photo.forward)
+            stand_at(context, shown.photo.position, shown.photo.forward)
         if ui.button("Hide photograph"):
             context.session.work.photo = None
 
@@ -311,3 +302,5 @@ class Stations(Tool):
                 ui.set_tooltip(f"{picture.name}: look at it{where}")
             ui.pop_id()
         self.viewer.draw(ui, context)
+        viewed = self.viewer.viewed.key if self.viewer.viewed is not None else None
+        self.placer.draw(ui, context, viewed if isinstance(viewed, StoredPicture) else None)

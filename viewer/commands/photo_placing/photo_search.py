@@ -1,0 +1,118 @@
+"""Searches where photographs were taken that have no pose, and keeps what was found in the cache.
+
+They are compared with views from the places of which a publication would be made: the scanner positions where they are known,
+else places that see every surface.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...common.progress import progress
+from ...common.rigid_transform import rows_of
+from ...picture.placed_photograph import PlacedPhotograph
+from ...readers.decoded_picture import decoded_picture
+from ...readers.placed_photographs import bytes_of
+from ...work.document import Document
+from ...work.photo_poses.picture_features import opencv
+from ...work.photo_poses.pose_search import LONGEST, NotFound, find_pose
+from ...work.photo_poses.reference_views import PER_PLACE, ReferenceView, around, outside, view_of
+from ...work.photo_poses.stated_focal import stated_focal
+from .kept_poses import KeptPoses
+
+if TYPE_CHECKING:
+    from ...picture.camera import Camera
+    from ...readers.e57.e57_pictures import StoredPicture
+    from ...render.renderer import Renderer
+
+PLACES = 12
+"""Places that are planned where no scanner position is known."""
+SHOWING = 0.5
+"""Share of the views from these that show something, below which views from outside are added: of pumpA.e57, a pump and a pipe,
+0.28; of rooms all."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnplacedPhotograph:
+    """data: the bytes of a JPEG or PNG.  path, number: as of PlacedPhotograph.  focal: pixels that the scan states, None: what
+    the EXIF of the picture states."""
+
+    path: str
+    name: str
+    data: bytes
+    number: int | None = None
+    focal: float | None = None
+
+
+def of_file(path: Path) -> UnplacedPhotograph:
+    """A photograph in a file.  Raises InputError where it cannot be read."""
+    return UnplacedPhotograph(str(path), path.name, bytes_of(path))
+
+
+def of_scan(stored: "StoredPicture") -> UnplacedPhotograph:
+    """A photograph inside an E57.  Raises InputError where it cannot be read."""
+    from ...readers.e57.e57_pictures import picture_file
+
+    return UnplacedPhotograph(str(stored.file), stored.name, picture_file(stored)[0], stored.number, stored.focal)
+
+
+class PhotoSearch:
+    """Of one scene, document and renderer, which draws with its own context.  views: rendered when the first photograph is
+    searched that was not found before."""
+
+    def __init__(self, renderer: "Renderer", document: Document):
+        self._renderer, self._document = renderer, document
+        self._origin = renderer.scene.bounds.mean(axis=0)
+        self._kept = KeptPoses(renderer.scene)
+        self.views: list[ReferenceView] | None = None
+
+    def find(self, photo: UnplacedPhotograph) -> PlacedPhotograph | NotFound:
+        """Where a photograph was taken.  Raises InputError where it is damaged, or OpenCV is missing."""
+        if (known := self._kept.read(photo)) is not None:
+            return known
+        opencv()
+        picture, size = decoded_picture(photo.data, f"{photo.path}: photograph {photo.name!r}", LONGEST)
+        if self.views is None:
+            self.views = self._rendered()
+        focal = photo.focal or stated_focal(photo.data, size)
+        found = find_pose(self._renderer, self.views, self._origin, picture, size, photo.name, focal)
+        if not isinstance(found, NotFound):
+            camera = found.camera
+            found = PlacedPhotograph(photo.path, photo.name, camera.width, camera.height, camera.fx,
+                                     rows_of(camera.camera_to_world), found.residual, found.matches, photo.number)
+        self._kept.write(photo, found)
+        return found
+
+    def _rendered(self) -> list[ReferenceView]:
+        from ...work.places.standing_place import sample_scene
+        from ...work.places.up_axis import upright_axes
+        from ..publishing.places import chosen_places
+
+        scene, upright = self._renderer.scene, upright_axes(self._document.up)
+        stations = bool(np.isfinite(scene.scan_places).any())
+        places = chosen_places(scene, self._document, "stations" if stations else PLACES)
+        views = self._views([camera for place in places for camera in around(place.position, upright)])
+        if not stations and len(views) < SHOWING * len(places) * PER_PLACE:  # a thing, no room
+            views += self._views(outside(sample_scene(scene), upright))
+        return views
+
+    def _views(self, cameras: "list[Camera]") -> list[ReferenceView]:
+        """Those that show something."""
+        views: list[ReferenceView] = []
+        with progress(len(cameras), "rendering views to compare photographs with", " views") as meter:
+            for camera in cameras:
+                view = view_of(self._renderer, camera, self._origin)
+                views += [view] if len(view.points) > 1 else []
+                meter.update(1)
+        return views
+
+
+def told(found: PlacedPhotograph | NotFound, name: str) -> str:
+    """In words: with which certainty a photograph was placed, or why not."""
+    if isinstance(found, NotFound):
+        return f"{name}: where it was taken was not found: {found.why}"
+    x, y, z = (row[3] for row in found.camera_to_world[:3])
+    return (f"{name}: taken at {x:.3f} {y:.3f} {z:.3f}; {found.matches} features agree with the scan, residual "
+            f"{found.residual:.1f} pixels of {found.width}x{found.height}")

@@ -1,0 +1,142 @@
+"""Finds where a photograph was taken: its features against those of rendered views, then against a view from the place found.
+
+A pose is taken only if enough features, spread over the photograph, agree with it to a few pixels.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...picture.camera import Camera
+from .picture_features import Features, features_of, matches
+from .pose_solver import SolvedPose, ransac_pose, refined_pose
+from .reference_views import ReferenceView, view_of
+
+if TYPE_CHECKING:
+    from ...render.renderer import Renderer
+
+LONGEST = 1280
+"""Pixels of a photograph's longer side at which its features are found."""
+FEATURES = 4000
+"""Of a photograph at most."""
+BEST_VIEWS = 12
+"""Views whose matches go into the first pose."""
+FIRST_TOLERANCE, TOLERANCE = 0.008, 0.003
+"""Share of the longer side within which a match agrees with the first pose, and with the refined one."""
+REACH = (0.05, 0.02)
+"""Share of the longer side within which matches are looked for in the views from the first and the second pose."""
+FOCALS = tuple(0.5 * 1.15**step for step in range(11))
+"""Focal lengths that are tried where the photograph states none, in longer sides: fields of view of 90 to 28 degrees."""
+LEAST_MATCHES, CELLS = 25, 4
+"""Consistent matches below which a pose is not believed, and of 16 parts of the photograph those that hold three of them."""
+HYPOTHESES, EXPLAINED = 3, 0.2
+"""First poses that are followed up: arcades and rows of windows look alike from several places.  A view of whose matches a pose
+explains this share says nothing about the next one."""
+RIVAL = 0.7
+"""Share of the best pose's matches with which another place speaks against it.  A photograph between the arcades of atrium has
+1,400 features that agree at its mirror image, 11 m off."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPose:
+    """camera: at the photograph's size, file coordinates.  residual: root mean square pixels of the photograph.  matches: that
+    agree.  deviations: as of SolvedPose, place in file units."""
+
+    camera: Camera
+    residual: float
+    matches: int
+    deviations: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class NotFound:
+    """why: for a person."""
+
+    why: str
+
+
+def find_pose(renderer: "Renderer", views: list[ReferenceView], origin: np.ndarray, picture: np.ndarray, size: tuple[int, int],
+              name: str, stated: float | None) -> FoundPose | NotFound:
+    """The pose of a photograph.
+
+    picture: (h, w, 3) uint8 sRGB, LONGEST pixels at most.  size: width and height of the photograph's file.  stated: focal
+    length in its pixels, None: unknown.
+    """
+    height, width = picture.shape[:2]
+    longest, centre, scale = max(width, height), (width / 2, height / 2), max(size) / max(width, height)
+    features = features_of(picture, FEATURES)
+    pairs = [matches(features, view.features) for view in views]
+    own = None if stated is None else stated / scale
+    found: list[tuple[SolvedPose, np.ndarray]] = []
+    for first in _first_poses(features, views, pairs, centre, longest, own):
+        kept: tuple[SolvedPose, np.ndarray] | None = (first, features.places[:0])
+        for reach in REACH:
+            kept = kept and _looked_again(renderer, origin, features, (width, height), kept[0], reach, own)
+        if kept is not None and not any(_same(kept[0], other) for other, _ in found):
+            found.append(kept)
+    if not found:
+        return NotFound("its features agree with no place in the scan")
+    found.sort(key=lambda one: -len(one[0].consistent))
+    pose, places = found[0]
+    if len(pose.consistent) < LEAST_MATCHES or _cells(places, width, height) < CELLS:
+        return NotFound(f"only {len(pose.consistent)} of its features agree with a place in the scan")
+    if len(found) > 1 and len(found[1][0].consistent) > RIVAL * len(pose.consistent):
+        apart = np.linalg.norm(found[1][0].position - pose.position)
+        return NotFound(f"two places in the scan, {apart:.3g} units apart, look like it")
+    camera = _camera(pose, origin, (width, height), name)
+    whole = Camera(*size, pose.focal * scale, pose.focal * scale, size[0] / 2, size[1] / 2, camera.camera_to_world, name)
+    return FoundPose(whole, pose.residual * scale, len(pose.consistent), pose.deviations)
+
+
+def _first_poses(features: Features, views: list[ReferenceView], pairs: list[np.ndarray], centre: tuple[float, float],
+                 longest: int, stated: float | None) -> Iterator[SolvedPose]:
+    """Poses that explain many matches, each by views that those before do not explain.  pairs: of each view, as of matches."""
+    left, tolerance = sorted(range(len(views)), key=lambda number: -len(pairs[number])), FIRST_TOLERANCE * longest
+    focals = (stated,) if stated else tuple(longest * share for share in FOCALS)
+    for _ in range(HYPOTHESES):
+        chosen = [number for number in left[:BEST_VIEWS] if len(pairs[number])]
+        if not chosen:
+            return
+        pixels = np.concatenate([features.places[pairs[number][:, 0]] for number in chosen])
+        points = np.concatenate([views[number].points[pairs[number][:, 1]] for number in chosen])
+        pose = ransac_pose(pixels, points, focals, centre, tolerance)
+        if pose is None:
+            return
+        owner = np.repeat(chosen, [len(pairs[number]) for number in chosen])
+        explained = np.bincount(owner[pose.consistent], minlength=len(views))
+        left = [number for number in left if explained[number] < EXPLAINED * len(pairs[number])]
+        focals = (pose.focal,)  # of one photograph
+        yield refined_pose(pixels, points, centre, pose, tolerance, stated=stated) or pose
+
+
+def _same(a: SolvedPose, b: SolvedPose) -> bool:
+    """Whether two poses see the same: they stand within a hundredth of the shifts that tell places apart."""
+    turned = np.arccos(np.clip((np.trace(a.rotation.T @ b.rotation) - 1) / 2, -1, 1))
+    return bool(turned < 0.05 and np.linalg.norm(a.position - b.position) < 10 * min(a.deviations[0], b.deviations[0]))
+
+
+def _looked_again(renderer: "Renderer", origin: np.ndarray, features: Features, size: tuple[int, int], pose: SolvedPose,
+                  reach: float, stated: float | None) -> tuple[SolvedPose, np.ndarray] | None:
+    """The pose by matches with the view from ``pose``, and the places (n, 2) of those that agree."""
+    longest, centre = max(size), (size[0] / 2, size[1] / 2)
+    view = view_of(renderer, _camera(pose, origin, size, ""), origin, FEATURES)
+    pairs = matches(features, view.features, within=reach * longest)
+    pixels, points = features.places[pairs[:, 0]], view.points[pairs[:, 1]]
+    found = refined_pose(pixels, points, centre, pose, 2 * TOLERANCE * longest, stated=stated) if len(pairs) else None
+    found = found and refined_pose(pixels, points, centre, found, TOLERANCE * longest, stated=stated)
+    return found and (found, pixels[found.consistent])
+
+
+def _camera(pose: SolvedPose, origin: np.ndarray, size: tuple[int, int], name: str) -> Camera:
+    placed = np.eye(4)
+    placed[:3, :3] = pose.rotation.T @ np.diag([1.0, -1.0, -1.0])
+    placed[:3, 3] = pose.position + origin
+    return Camera(*size, pose.focal, pose.focal, size[0] / 2, size[1] / 2, placed, name)
+
+
+def _cells(places: np.ndarray, width: int, height: int) -> int:
+    """Of 4 x 4 parts of a picture, those that hold three places or more."""
+    cell = np.minimum((places / (width, height) * 4).astype(int), 3)
+    return int((np.bincount(cell[:, 1] * 4 + cell[:, 0], minlength=16) >= 3).sum())
