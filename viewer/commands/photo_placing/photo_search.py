@@ -13,6 +13,7 @@ import numpy as np
 from ...common.progress import progress
 from ...common.rigid_transform import rows_of
 from ...picture.placed_photograph import PlacedPhotograph
+from ...picture.settings import Settings
 from ...readers.decoded_picture import decoded_picture
 from ...readers.placed_photographs import bytes_of
 from ...work.document import Document
@@ -77,7 +78,7 @@ class PhotoSearch:
         if self.views is None:
             self.views = self._rendered()
         focal = photo.focal or stated_focal(photo.data, size)
-        found = find_pose(self._renderer, self.views, self._origin, picture, size, photo.name, focal)
+        found = find_pose(self._draw, self.views, self._origin, picture, size, photo.name, focal)
         if not isinstance(found, NotFound):
             camera = found.camera
             found = PlacedPhotograph(photo.path, photo.name, camera.width, camera.height, camera.fx,
@@ -98,12 +99,18 @@ class PhotoSearch:
             views += self._views(outside(sample_scene(scene), upright))
         return views
 
+    def _draw(self, camera: "Camera") -> tuple[np.ndarray, np.ndarray]:
+        frame = self._renderer.render(camera, Settings(view="filled", photos="off"), ("filled",), filled_depth=True)
+        assert frame.filled_depth is not None
+        depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(camera.height, camera.width)
+        return frame.image("filled"), depth
+
     def _views(self, cameras: "list[Camera]") -> list[ReferenceView]:
         """Those that show something."""
         views: list[ReferenceView] = []
         with progress(len(cameras), "rendering views to compare photographs with", " views") as meter:
             for camera in cameras:
-                view = view_of(self._renderer, camera, self._origin)
+                view = view_of(self._draw, camera, self._origin)
                 views += [view] if len(view.points) > 1 else []
                 meter.update(1)
         return views

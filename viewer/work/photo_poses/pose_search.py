@@ -5,17 +5,13 @@ A pose is taken only if enough features, spread over the photograph, agree with 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...picture.camera import Camera
 from .picture_features import Features, features_of, matches
 from .pose_solver import SolvedPose, ransac_pose, refined_pose
-from .reference_views import ReferenceView, view_of
-
-if TYPE_CHECKING:
-    from ...render.renderer import Renderer
+from .reference_views import Draw, ReferenceView, view_of
 
 LONGEST = 1280
 """Pixels of a photograph's longer side at which its features are found."""
@@ -57,7 +53,7 @@ class NotFound:
     why: str
 
 
-def find_pose(renderer: "Renderer", views: list[ReferenceView], origin: np.ndarray, picture: np.ndarray, size: tuple[int, int],
+def find_pose(draw: Draw, views: list[ReferenceView], origin: np.ndarray, picture: np.ndarray, size: tuple[int, int],
               name: str, stated: float | None) -> FoundPose | NotFound:
     """The pose of a photograph.
 
@@ -73,7 +69,7 @@ def find_pose(renderer: "Renderer", views: list[ReferenceView], origin: np.ndarr
     for first in _first_poses(features, views, pairs, centre, longest, own):
         kept: tuple[SolvedPose, np.ndarray] | None = (first, features.places[:0])
         for reach in REACH:
-            kept = kept and _looked_again(renderer, origin, features, (width, height), kept[0], reach, own)
+            kept = kept and _looked_again(draw, origin, features, (width, height), kept[0], reach, own)
         if kept is not None and not any(_same(kept[0], other) for other, _ in found):
             found.append(kept)
     if not found:
@@ -117,11 +113,11 @@ def _same(a: SolvedPose, b: SolvedPose) -> bool:
     return bool(turned < 0.05 and np.linalg.norm(a.position - b.position) < 10 * min(a.deviations[0], b.deviations[0]))
 
 
-def _looked_again(renderer: "Renderer", origin: np.ndarray, features: Features, size: tuple[int, int], pose: SolvedPose,
+def _looked_again(draw: Draw, origin: np.ndarray, features: Features, size: tuple[int, int], pose: SolvedPose,
                   reach: float, stated: float | None) -> tuple[SolvedPose, np.ndarray] | None:
     """The pose by matches with the view from ``pose``, and the places (n, 2) of those that agree."""
     longest, centre = max(size), (size[0] / 2, size[1] / 2)
-    view = view_of(renderer, _camera(pose, origin, size, ""), origin, FEATURES)
+    view = view_of(draw, _camera(pose, origin, size, ""), origin, FEATURES)
     pairs = matches(features, view.features, within=reach * longest)
     pixels, points = features.places[pairs[:, 0]], view.points[pairs[:, 1]]
     found = refined_pose(pixels, points, centre, pose, 2 * TOLERANCE * longest, stated=stated) if len(pairs) else None

@@ -3,20 +3,21 @@
 Points are relative to the origin of the views, file units.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...picture.camera import Camera, from_fov, look_at
-from ...picture.settings import Settings
 from ..places.standing_place import overview_position
 from .picture_features import Features, features_of
 
 if TYPE_CHECKING:
-    from ...render.renderer import Renderer
     from ..places.standing_place import Sampled
 
+Draw = Callable[[Camera], tuple[np.ndarray, np.ndarray]]
+"""Camera -> its filled picture, (H, W, 4) uint8, and the depth of that, (H, W) float32 view-space z, 0 where it is not opaque."""
 SIZE = 640
 """Pixels along a side of a view."""
 FIELD = 70.0
@@ -69,12 +70,9 @@ def outside(seen: "Sampled", upright: np.ndarray) -> list[Camera]:
     return cameras
 
 
-def view_of(renderer: "Renderer", camera: Camera, origin: np.ndarray, most: int = FEATURES) -> ReferenceView:
-    """The view of a camera: the filled picture, whose features are those of measured surfaces."""
-    frame = renderer.render(camera, Settings(view="filled", photos="off"), ("filled",), filled_depth=True)
-    picture = frame.image("filled")
-    assert frame.filled_depth is not None
-    depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(camera.height, camera.width)
+def view_of(draw: Draw, camera: Camera, origin: np.ndarray, most: int = FEATURES) -> ReferenceView:
+    """The view of a camera, with the features of surfaces."""
+    picture, depth = draw(camera)
     features = features_of(picture, most)
     column, row = np.minimum(features.places.astype(int), (camera.width - 1, camera.height - 1)).T
     there, near, far = depth[row, column].astype(np.float64), np.full(len(row), np.inf), np.zeros(len(row))
