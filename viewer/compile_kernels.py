@@ -154,7 +154,7 @@ def _render_demo() -> None:
     from .grid.open_scene import open_scene
     from .picture.settings import Settings
     from .picture.views import VIEWS
-    from .readers.posed_photograph import PosedPhotograph
+    from .readers.photographs.posed_photograph import PosedPhotograph
     from .render.culling.occlusion import Occlusion
     from .render.device.context import create_context
     from .render.renderer import Renderer

@@ -12,7 +12,7 @@ import pytest
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import from_fov
 from pointglass.viewer.picture.settings import Settings
-from pointglass.viewer.readers.posed_photograph import PosedPhotograph
+from pointglass.viewer.readers.photographs.posed_photograph import PosedPhotograph
 from pointglass.viewer.render.renderer import Renderer
 
 

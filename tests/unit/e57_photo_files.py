@@ -92,7 +92,7 @@ def paint(at: np.ndarray) -> np.ndarray:
 
 
 def patches(at: np.ndarray) -> np.ndarray:
-    """(..., 3) room coordinates -> (..., 3) uint8: patches of random places, sizes and colours, nowhere alike (Voronoi cells)."""
+    """(..., 3) room coordinates -> (..., 3) uint8: patches, nowhere alike (random Voronoi cells)."""
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(7)

@@ -124,8 +124,8 @@ def add_settings(parser: argparse.ArgumentParser, *, views: Sequence[str] = tupl
     parser.add_argument("--photos", default=defaults.photos, metavar="auto|off|FOLDER",
                         help="colour surfaces of filled and neural pictures from photographs where these are finer than the "
                              "points: auto: the posed photographs of E57 files; FOLDER: those of a folder with transforms.json "
-                             "or a COLMAP model, in the scan's coordinates; without these, where they were taken is searched in "
-                             "the scan (default auto)")
+                             "or a COLMAP model, in the scan's coordinates; without these, where they were taken is searched "
+                             "in the scan (default auto)")
     parser.add_argument("--weights", metavar="F", help="a weights file made by `train` (default: the shipped weights)")
 
 

@@ -9,7 +9,7 @@ from ..common.errors import InputError
 
 if TYPE_CHECKING:
     from ..picture.settings import Settings
-    from ..readers.posed_photograph import PosedPhotograph
+    from ..readers.photographs.posed_photograph import PosedPhotograph
     from ..render.renderer import Renderer
 
 Photographs: TypeAlias = "list[PosedPhotograph] | UnplacedFolder"
@@ -46,8 +46,8 @@ def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "P
 
 
 def _placed(renderer: "Renderer", unplaced: UnplacedFolder) -> "list[PosedPhotograph]":
-    from ..picture.placed_photograph import PlacedPhotograph
-    from ..readers.placed_photographs import posed
+    from ..picture.photographs.placed_photograph import PlacedPhotograph
+    from ..readers.photographs.placed_photographs import posed
     from ..work.document import Document
     from .photo_placing.photo_search import PhotoSearch, of_file, told
 

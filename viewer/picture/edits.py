@@ -15,7 +15,7 @@ from .dates.date_comparison import DateComparison
 from .json_values import UNLESS_DEFAULT
 from .look import Look
 from .meshes.mesh_layer import MOST_MESHES, MeshLayer
-from .placed_photograph import MOST_PLACED, PlacedPhotograph
+from .photographs.placed_photograph import MOST_PLACED, PlacedPhotograph
 from .point_sets import NO_POINTS, PointLevels, PointSet
 from .regions import LAST_CLASS, MOST_CHANGES, ClassChange, Region, hidden_regions
 from .views import POINT_VIEWS

@@ -12,7 +12,7 @@ from work_window import BOX, EYE, SCENE, SURVEY, TAPE, Window, work_window  # no
 from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
-from pointglass.viewer.picture.placed_photograph import PlacedPhotograph
+from pointglass.viewer.picture.photographs.placed_photograph import PlacedPhotograph
 from pointglass.viewer.picture.point_sets import FileRuns, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.window.kit.notices import OpenProject

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from ...common.paths import cache_dir
 from ...common.state_files import read_state, write_state
 from ...picture.json_values import from_json, to_json
-from ...picture.placed_photograph import PlacedPhotograph
+from ...picture.photographs.placed_photograph import PlacedPhotograph
 from ...preprocess.scan_description import RecordOrigin
 from ...work.photo_poses.pose_search import NotFound
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from ...common.progress import progress
 from ...common.rigid_transform import rows_of
-from ...picture.placed_photograph import PlacedPhotograph
+from ...picture.photographs.placed_photograph import PlacedPhotograph
 from ...picture.settings import Settings
 from ...readers.decoded_picture import decoded_picture
-from ...readers.placed_photographs import bytes_of
+from ...readers.photographs.placed_photographs import bytes_of
 from ...work.document import Document
 from ...work.photo_poses.picture_features import opencv
 from ...work.photo_poses.pose_search import LONGEST, NotFound, find_pose

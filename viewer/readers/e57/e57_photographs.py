@@ -18,7 +18,7 @@ import numpy as np
 from ...common.errors import InputError
 from ...picture.camera import Camera
 from ..formats import check_file
-from ..posed_photograph import Lens, PosedPhotograph
+from ..photographs.posed_photograph import Lens, PosedPhotograph
 from .e57_images import decoded, listed_photographs, number_of, structures
 from .e57_nodes import first_line, library, open_e57, text_of
 

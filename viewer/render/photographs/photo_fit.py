@@ -23,7 +23,7 @@ from .shadow_kernels import nearest_points, photograph_colours, seen_points
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
-    from ...readers.posed_photograph import PosedPhotograph
+    from ...readers.photographs.posed_photograph import PosedPhotograph
 
 SAMPLE = 4_000_000
 """Points at most from which shadow maps are made: whole density layers, an even sample."""

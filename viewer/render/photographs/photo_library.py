@@ -18,7 +18,7 @@ import numpy as np
 from ....model.common.process.processors import usable_processors
 from ...common.errors import InputError
 from ...readers.e57.e57_photographs import KINDS
-from ...readers.posed_photograph import PosedPhotograph
+from ...readers.photographs.posed_photograph import PosedPhotograph
 from .photo_fit import PhotoFit, PointSample, fitted, point_sample
 from .photo_pool import PhotoPool, PreparedPhoto, prepared_photo
 from .shadow_kernels import count_votes

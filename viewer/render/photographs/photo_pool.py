@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.reference.photo_colours import MOST_LEVELS
-from ...readers.posed_photograph import Lens
+from ...readers.photographs.posed_photograph import Lens
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...common.errors import InputError
-from ...readers.placed_photographs import posed
+from ...readers.photographs.placed_photographs import posed
 from ..device.context import describe_device
 from .photo_library import PhotoLibrary, library_of
 from .photo_shader import ResidentPool
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...picture.edits import Edits
-    from ...picture.placed_photograph import PlacedPhotograph
+    from ...picture.photographs.placed_photograph import PlacedPhotograph
     from ...picture.settings import Settings
-    from ...readers.posed_photograph import PosedPhotograph
+    from ...readers.photographs.posed_photograph import PosedPhotograph
     from .photo_pool import PhotoPool
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..places.standing_place import Sampled
 
 Draw = Callable[[Camera], tuple[np.ndarray, np.ndarray]]
-"""Camera -> its filled picture, (H, W, 4) uint8, and the depth of that, (H, W) float32 view-space z, 0 where it is not opaque."""
+"""Camera -> its filled picture, (H, W, 4) uint8, and its depth, (H, W) float32 view-space z, 0 where it is not opaque."""
 SIZE = 640
 """Pixels along a side of a view."""
 FIELD = 70.0

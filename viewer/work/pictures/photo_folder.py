@@ -7,7 +7,7 @@ import numpy as np
 
 from ...common.errors import InputError, Option
 from ...readers.decoded_picture import decoded_picture
-from ...readers.posed_photograph import PosedPhotograph
+from ...readers.photographs.posed_photograph import PosedPhotograph
 from ..cameras.camera_files import CAMERA_FORMATS, read_cameras
 
 PHOTO_ENDINGS = (".jpg", ".jpeg", ".png")

@@ -11,10 +11,10 @@ from weakref import ref
 from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, of_file, of_scan, told
 from ....common.errors import PointglassError
 from ....common.text import counted
-from ....picture.placed_photograph import PlacedPhotograph
+from ....picture.photographs.placed_photograph import PlacedPhotograph
 from ....readers.e57.e57_photographs import StationPhoto
 from ....readers.e57.e57_pictures import StoredPicture
-from ....readers.placed_photographs import shown_in_place
+from ....readers.photographs.placed_photographs import shown_in_place
 from ....work.pictures.photo_folder import PHOTO_ENDINGS
 from ...kit.theme import fitted
 from ...kit.widgets import compact_button

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..common.errors import InputError
-from ..picture.placed_photograph import PlacedPhotograph
-from .decoded_picture import decoded_picture
-from .e57.e57_photographs import LONGEST, StationPhoto
+from ...common.errors import InputError
+from ...picture.photographs.placed_photograph import PlacedPhotograph
+from ..decoded_picture import decoded_picture
+from ..e57.e57_photographs import LONGEST, StationPhoto
 from .posed_photograph import PosedPhotograph
 
 
@@ -41,7 +41,7 @@ def _decode(placed: PlacedPhotograph, longest: int) -> tuple[np.ndarray, None]:
     if placed.number is None:
         data = bytes_of(path)
     else:
-        from .e57.e57_pictures import picture_file, stored_pictures
+        from ..e57.e57_pictures import picture_file, stored_pictures
 
         found = [stored for stored in stored_pictures(path) if stored.number == placed.number]
         if not found:

@@ -6,9 +6,9 @@ Frame: the document's (the scan file's) coordinates, float64; the camera's axes 
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..common.errors import InputError
-from ..common.rigid_transform import Rows, check_rigid
-from .json_values import UNLESS_DEFAULT
+from ...common.errors import InputError
+from ...common.rigid_transform import Rows, check_rigid
+from ..json_values import UNLESS_DEFAULT
 
 MOST_PLACED = 1000
 """Photographs that a document may place."""

@@ -1,0 +1,1 @@
+"""Photographs that a document places in the scan."""

@@ -1,0 +1,1 @@
+"""Photographs with a pose, whatever they come from."""
