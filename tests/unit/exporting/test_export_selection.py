@@ -5,14 +5,17 @@ import shutil
 import laspy
 import numpy as np
 import pytest
+from cloud_files import write_las
 from e57_files import contents, random_e57
 from examples import examples
 from las_files import random_las
 
 from pointglass.viewer import cli
 from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.picture.clip import Box, contains
+from pointglass.viewer.readers.las.las_source import LasSource
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
 
@@ -122,3 +125,22 @@ def test_colours_are_the_file_s_unless_matched_exposures_are_asked_for(tmp_path)
     order = np.argsort(scene.records.numbers(slice(None)))
     assert np.array_equal(np.stack([found.red, found.green, found.blue], axis=1), shown[order] * np.uint16(257))
     assert np.array_equal(found.xyz, las.xyz)
+
+
+def test_files_of_a_place_that_clips_leave_out_are_not_read(tmp_path, seed, monkeypatch):
+    monkeypatch.setattr(many_files, "BYTES_AS_ONE", 0)
+    rng, files, read = np.random.default_rng(seed), [], []
+    for number in range(3):
+        xyz = rng.uniform(0, 4, (2_000, 3)) + np.array([10.0 * number, 0.0, 0.0])
+        rgb = rng.integers(0, 65536, (2_000, 3), dtype=np.uint16)
+        files.append(write_las(tmp_path / f"f{number}.las", xyz, rgb, source=rng.integers(1, 9, 2_000)))
+    open_scene(files)
+    blocks = LasSource._blocks_of
+    monkeypatch.setattr(LasSource, "_blocks_of", lambda self, *given: read.append(self.path.name) or blocks(self, *given))
+    assert cli.main(["export", *map(str, files), "--out", str(tmp_path / "part.las"), "--clip", "11,0,0,13,4,4"]) == 0
+    assert set(read) == {"f1.las"}
+    whole, part = laspy.read(files[1]), laspy.read(tmp_path / "part.las")
+    kept = (whole.x >= 11) & (whole.x <= 13)
+    assert 0 < kept.sum() < len(kept)
+    for name in ("x", "y", "z", "red", "green", "blue", "intensity", "point_source_id"):
+        np.testing.assert_array_equal(np.asarray(part[name]), np.asarray(whole[name])[kept])

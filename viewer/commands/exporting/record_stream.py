@@ -6,6 +6,7 @@ Frame: file coordinates.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,9 @@ import numpy as np
 from ...common.errors import InputError, Option
 from ...common.progress import progress
 from ...grid.place.hidden_grids import is_shared
+from ...grid.place.joined_points import JoinedPoints
 from ...grid.records.point_records import identity_of
-from ...picture.clip import contains
+from ...picture.clip import contains, may_contain
 from ...preprocess.scan_description import RecordOrigin, ScanSummary
 from ...readers.class_codes import class_codes
 from ...readers.source import Records, ScanInfo, Source
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...work.selection import Selection
 
+_ROUNDED = 1 + 1e-6
+"""Factor of a cell's side: coordinates at its border are rounded."""
 _LAST = 255
 """Scan number that all later scans share in a grid of 8 bits a scan."""
 
@@ -102,6 +106,21 @@ class SourceRecords:
         self._ghosts = self._hidden_ghosts()
         self.colours = _shown_colours(self.scene) if matched and self.scene.matched else None
         """(N, 3) uint8 by running number, with matched exposures; None where those of the files are written."""
+
+    @cached_property
+    def skipped(self) -> dict[int, int]:
+        """The records of each source, by its number, of which the clips leave no point: it need not be read.  Of places only,
+        where each file has cells of its own."""
+        points, records = self.scene.points, self.scene.records
+        single = isinstance(points, JoinedPoints) and records is not None and points.table.grids == len(self.sources)
+        if not single or self.scene.meta.dropped.stray:  # those lie in no cell
+            return {}
+        half = self.scene.cell_size / 2
+        centres = self.scene.cell_min + half
+        held = may_contain(self.selection.clips, centres, half * _ROUNDED)
+        held &= may_contain(self.selection.within, centres, half * _ROUNDED)
+        of_grid = np.logical_or.reduceat(held, np.cumsum([0, *points.table.cells[:-1]]))
+        return {number: int(records.first[number + 1] - records.first[number]) for number in np.flatnonzero(~of_grid).tolist()}
 
     @property
     def everything(self) -> bool:

@@ -74,6 +74,9 @@ class _Facts:
         with stream.meter("looking at the files") as meter:
             for number, source in enumerate(stream.files):
                 assert isinstance(source, LasSource)
+                if number in stream.skipped:
+                    meter.update(stream.skipped[number])
+                    continue
                 for chunk, records in source.native_chunks():
                     ids |= bool(records["point_source_id"].any())
                     largest[number] = max(largest[number], 0 if chunk.rgb is None else int(chunk.rgb.max(initial=0)))
@@ -187,6 +190,10 @@ def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, co
     with stream.meter("writing") as meter:
         for number, source in enumerate(stream.files):
             assert isinstance(source, LasSource)
+            if number in stream.skipped:
+                running += stream.skipped[number]
+                meter.update(stream.skipped[number])
+                continue
             transform = stream.moves[number]
             for chunk, records in source.native_chunks():
                 scans = stream.numbers.of(number, running, chunk.scan, len(records))
