@@ -20,7 +20,7 @@ import numpy as np
 POINT_SIZES = (1.0, 5.0)
 """Pixels: as in the viewer, and Open3D's default."""
 SECONDS = 120.0
-"""Time limit of the start, and of a picture.  Chosen by hand."""
+"""Time limit of the start, and of a picture: a guard against a child that never answers."""
 
 
 class Open3DError(Exception):

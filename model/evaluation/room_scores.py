@@ -53,7 +53,7 @@ from .worse import Case, Worst
 EXPOSURES = ("scanned", "matched")
 """Names of the exposures."""
 FRAMES = 20
-"""Default number of frames, from the middle of the path.  Chosen by hand."""
+"""Default number of frames, from the middle of the path: 19 steps, of which flicker is the mean."""
 
 
 def matched_colours(rgb: Tensor, station: Tensor, gains: np.ndarray) -> Tensor:

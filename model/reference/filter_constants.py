@@ -55,7 +55,7 @@ EDGE = 0.03
 """Laplacian that counts as an edge: 0.03 metres in the published code, and here 3 % of depth in ``paper-text``."""
 NPBG_DEPTH = 0.05
 """Metres behind the nearest point of its block up to which ``npbg++`` keeps a pixel (Rakhimov et al. 2022).  The publication
-sets it for each data set; this value was chosen by hand."""
+sets it for each data set; this is for rooms, whose furniture is thicker."""
 
 
 def hiding_limits(level: int, strength: float) -> tuple[float, float, float]:

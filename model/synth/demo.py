@@ -40,7 +40,7 @@ METRES = (1, 1, 0, 4,
           4099, 0, 1, 9001)  # heights: in metres
 """GeoTIFF keys (version 1.1.0, OGC 19-008): rows of (key, location, count, value), the first is the header."""
 SIZE, FPS, SECONDS = (960, 720), 24, 24
-"""Size, pixels, frame rate and duration of the camera path.  Chosen by hand."""
+"""Size, pixels, frame rate and duration of the shipped camera path."""
 VIEWS = [
     ("01-living-room", (4.8, 3.2, 1.55), (1.25, 1.0, 0.92), 64.0),
     ("02-through-the-opening", (3.3, 2.75, 1.5), (7.4, 1.95, 1.0), 58.0),

@@ -15,7 +15,7 @@ from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)
 AMBIENT_REACH = 0.45
-"""Radius, metres, of the ambient occlusion: nearer surfaces darken the indirect light.  Chosen by hand."""
+"""Radius, metres, of the ambient occlusion: nearer surfaces darken the indirect light: part of the rooms' look."""
 _CUBE = np.vstack([np.eye(3), -np.eye(3)])
 """(6, 3) directions of a probe's values: +x, +y, +z, -x, -y, -z."""
 

@@ -13,16 +13,17 @@ import numpy as np
 
 DARK = 16
 """8-bit levels below which a colour may be blended with a photograph's black border; tuned on plant_room.laz."""
-_MOST_DARK, _LEAST_DARK = 0.01, 20  # share of dark points at most, since a border is thin; points at least; chosen by hand
+_MOST_DARK, _LEAST_DARK = 0.01, 20  # share of dark points at most, since a border is thin; points at least
 _EXAMINED = 1000  # dark points: they tell a share of a half within 0.016 (standard error), far less than its limits are apart
-_NEIGHBOURS = 128  # of each; chosen by hand
+_NEIGHBOURS = 128  # of each; with 64 other dark points lost their colour (tests/unit/grid/test_black_border.py)
 _CELLS = 32
 """Cells along the longest side by which the surroundings of the examined points are selected."""
 _ASIDE = 0.25
 """Distance from a point to the mean of its neighbours, divided by that to the farthest: 0 within a surface, 0.42 at a straight
 edge (the centroid of half a disc); the limit lies between them."""
 _OFF = 0.1
-"""Distance from a point to the plane of its neighbours, divided by the same; chosen by hand."""
+"""Distance from a point to the plane of its neighbours, divided by the same.  Half and twice of it, of _MOST_DARK and of
+_LEAST_DARK tell the same points in tests/unit/grid/test_black_border.py."""
 _MOSTLY = 0.5
 """Share of the dark points that are like border points: 0.97 in plant_room.laz, at most 0.07 in eleven other scans, real and
 synthetic; the limit lies between them."""

@@ -21,9 +21,9 @@ from .rgbd_frame import FARTHEST, RgbdFrame
 HELD_OUT = 8
 """One frame in this many is a true picture, as usual for new views (LLFF, mip-NeRF 360)."""
 MAX_FRAMES = 200
-"""Largest number of frames in the scan.  Chosen by hand."""
+"""Largest number of frames in the scan: each keeps 60,000 of MAX_POINTS."""
 MAX_POINTS = 12_000_000
-"""Largest number of points before one per voxel is kept.  Chosen by hand."""
+"""Largest number of points before one per voxel is kept: 324 MB of coordinates and colours."""
 
 
 def load_rgbd(folder: Path, *, held_out: int = HELD_OUT, step: int | None = None, voxel: float | None = None,

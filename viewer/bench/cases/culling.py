@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
 
 CELLS = 1_000_000
-"""Least number of cells.  This and the values below were chosen by hand."""
+"""Least number of cells.  This and the values below are what the bench is."""
 DETAIL = {"every point": None, "1 point a pixel": 1.0}
 """Name -> level of detail, points per pixel; None: all points."""
 _ROOMS, _POINTS = 9, 9_000_000

@@ -31,7 +31,7 @@ VIEWS = ("raw", "filled", "neural")
 FRAMES = 240
 """Cameras along the path: 16 seconds of flight at 15 pictures per second."""
 _SAMPLES = 12
-"""Number of frames whose error is measured.  Chosen by hand."""
+"""Number of frames whose error is measured: one in twenty of the path."""
 _FRAMES_BEFORE = FRAMES // 10
 """Frames before the measurement, spread over the path, in which shaders are compiled, buffers allocated and run times
 estimated."""

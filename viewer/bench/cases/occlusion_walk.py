@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...render.renderer import Renderer
 
 ROOMS = 20
-"""Default number of rooms.  This and the values below were chosen by hand."""
+"""Default number of rooms.  This and the values below are what the bench is."""
 LIMIT = 0.001
 """Upper limit of the share of wrong pixels in a frame."""
 LEVELS = 2

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from ...render.renderer import Renderer
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
-"""Default numbers of points.  This and the values below were chosen by hand."""
+"""Default numbers of points, two a decade.  This and the values below are what the bench is."""
 SERIES = ("rooms", "density")
 """The two series: more rooms, and more points per room."""
 DENSITY_ROOMS = 2

@@ -10,7 +10,8 @@ import torch
 from ...common.errors import InputError
 
 HELD_OUT_EVERY = 5
-"""Every fifth photograph or viewpoint is held out from training for the evaluation.  Chosen by hand."""
+"""Every fifth photograph or viewpoint is held out from training for the evaluation, as in a
+fivefold cross-validation."""
 DENSITIES = (1.0, 0.25)
 """Shares of the points in the evaluation: all, and those of twice the spacing."""
 

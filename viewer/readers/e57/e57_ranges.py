@@ -6,7 +6,7 @@ import numpy as np
 
 from .e57_nodes import child, value_of
 
-_OUTSIDE = 0.005  # share of intensities outside the stated limits from which on these are wrong; chosen by hand
+_OUTSIDE = 0.005  # share of intensities outside the stated limits from which on these are wrong; none is outside in pumpA.e57
 _UNUSED = 256.0  # stated range, in ranges of the values, from which on it is wrong: 8 bits of grey would show one level
 
 

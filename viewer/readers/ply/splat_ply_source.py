@@ -21,7 +21,8 @@ from .ply_source import PlySource
 SH0 = 0.28209479177387814
 """Value of the spherical harmonic of degree 0: colour = 0.5 + SH0 * coefficient (Kerbl et al. 2023)."""
 FAINT = 0.1
-"""Opacity below which a splat is no surface and is left out.  Chosen by hand: training prunes below 0.005 only."""
+"""Opacity below which a splat is no surface and is left out: seven of them behind each other hide half of
+what is behind them.  Training prunes below 0.005 only."""
 _COLOURS = ("f_dc_0", "f_dc_1", "f_dc_2")
 _SPLAT = (*_COLOURS, "opacity", "scale_0", "rot_0")
 _RGB = ("red", "green", "blue")

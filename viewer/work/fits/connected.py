@@ -12,7 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 FARTHEST = 2
-"""Cells between the click and the nearest points of its piece; chosen by hand."""
+"""Cells between the click and the nearest points of its piece.  With 1 and 4 the same pipes and planes are fitted
+(tests/unit/work/test_fits.py)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from ..places.pick import Kept
 
 MOST = 15_000
-"""Points of a box that are looked at, about; chosen by hand.  The spread of a diameter falls with the root of their number only
-where noise has no structure, which real surfaces have."""
+"""Points of a box that are looked at, about.  With half and twice as many the diameters of tests/unit/work/test_fits.py lie
+within what is stated.  The spread of a diameter falls with the root of their number only where noise has no structure, which
+real surfaces have."""
 LOOKED = 4_000_000
 """Points of the cells that meet a box, up to which all density layers are read: 96 MB of coordinates."""
 

@@ -28,7 +28,8 @@ STEEPEST = 60.0
 pipe of which a sixth is seen, 30 degrees to each side of the view, ends there."""
 NEAR_CONTOUR = 20.0
 """Degrees by which a normal leans towards the camera at most where a curved surface goes on: nearer to its contour a click can
-hardly be.  Chosen by hand; the contour lies 6 % of the radius farther out there."""
+hardly be; the contour lies 6 % of the radius farther out there.  Half and twice give the rims of
+tests/unit/work/test_silhouette.py, and so do 45 and 75 degrees of STEEPEST."""
 _CERTAIN = 6.0
 """The least ratio of a curvature to its standard deviation for a surface to be curved."""
 _FIRST, _GROWTH, _LARGEST = 3.0, 1.4, 40.0
