@@ -70,9 +70,12 @@ def test_a_mesh_in_a_publication_has_depth_and_is_not_measured_and_a_comparison_
     project = tmp_path / "with.pointglass"
     write_project(project, Document(scans=(ScanFile(str(scan)),), viewpoints=(view,), meshes=(MeshLayer(str(mesh)),),
                                     comparison=DateComparison(("room.laz", 200_000), ("room.laz", 200_000))))
-    done = run("publish", project, "--out", tmp_path / "site", "--view", "filled", "--places", "viewpoints")
+    line = "publish", project, "--out", tmp_path / "site", "--view", "filled", "--places", "viewpoints"
+    refused = run(*line)  # its second scan is not open
+    assert refused.returncode == 2 and "cannot be shown" in refused.stderr and "--second raw" in refused.stderr
+    done = run(*line, "--second", "raw")
     assert done.returncode == 0, done.stderr
-    assert "comparison" in done.stderr and "not part of a publication" in done.stderr
+    assert "comparison" in done.stderr and "not part of this publication" in done.stderr
     check_depth(tmp_path / "site")
     by_argument = run("publish", scan, mesh, "--out", tmp_path / "argument", "--view", "filled", "--places", "1")
     assert by_argument.returncode == 0 and "12 triangles" in by_argument.stderr, by_argument.stderr

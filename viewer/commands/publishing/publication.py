@@ -29,6 +29,7 @@ import numpy as np
 
 from ....model.common.files.atomic_write import write_atomic
 from ... import __version__
+from ...common.errors import InputError, Option
 from ...common.files import out_folder, write_together
 from ...common.workers.run_tasks import run_tasks
 from ...common.workers.worker_choice import Workers
@@ -148,7 +149,12 @@ class Publication:
     @cached_property
     def _change(self) -> "PublishedChange | None":
         """The comparison, where it is the second view.  Raises InputError where it cannot be made."""
-        return published_change(self.scene, self.document.edits) if self.form.second == CHANGE else None
+        if self.form.second != CHANGE:
+            return None
+        try:
+            return published_change(self.scene, self.document.edits)
+        except InputError as error:
+            raise InputError((error, ", or leave it out with ", Option("--second", "raw"))) from None
 
     @property
     def _coming(self) -> ComingFiles:
