@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from drive_dialogs import Person, write_ply
@@ -32,7 +33,7 @@ def held(module, name: str) -> Iterator[None]:
             go.set()
 
 
-def tool_of(p: Person, name: str):
+def tool_of(p: Person, name: str) -> Any:
     return next(tool for tool in p.d.app.toolbox.tools if tool.name == name)
 
 

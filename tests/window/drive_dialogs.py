@@ -27,7 +27,12 @@ SIZE = (960, 600)
 def write_ply(path: Path, away: float = 0.0, points: int = 6000) -> Path:
     """A room, ``away`` metres east."""
     xyz, rgb = room_points(points)
-    xyz = xyz + (away, 0.0, 0.0)
+    return write_points(path, xyz + (away, 0.0, 0.0), rgb)
+
+
+def write_points(path: Path, xyz: np.ndarray, rgb: np.ndarray | None = None) -> Path:
+    """Points, (n, 3), grey where no colours are given."""
+    rgb = np.full(xyz.shape, 120, np.uint8) if rgb is None else rgb
     rows = "\n".join(" ".join([*(f"{value:.4f}" for value in place), *map(str, colour)])
                      for place, colour in zip(xyz.tolist(), rgb.tolist()))
     head = "".join(f"property {kind} {name}\n" for kind, names in (("float", "xyz"), ("uchar", ("red", "green", "blue")))

@@ -1,5 +1,5 @@
 """A person leaves, by X key and pointer events, what is not finished, for ``test_unfinished.py``: Ctrl+Q while a file is
-written, a name that another window writes to, and Esc where something lies above points that are set."""
+written, a name that another window writes to, and Esc where something lies above points that are set. And uses day tools."""
 
 import os
 import subprocess
@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import checks_day_tools
 import checks_set_points
 import checks_written_files
 import numpy as np
@@ -165,8 +166,8 @@ def check_text_that_is_no_number_changes_nothing(p: Person, folder: Path) -> Non
     p.key("Escape")
 
 
-CHECKS = {name.removeprefix("check_"): made for part in (vars(checks_written_files), vars(checks_set_points), dict(globals()))
-          for name, made in part.items() if name.startswith("check_")}
+_PARTS = vars(checks_written_files), vars(checks_set_points), dict(globals()), vars(checks_day_tools)
+CHECKS = {name.removeprefix("check_"): made for part in _PARTS for name, made in part.items() if name.startswith("check_")}
 
 
 if __name__ == "__main__":

@@ -168,7 +168,10 @@ class SectionTool(Tool):
         if done.cancelled:
             context.toast("Drawing cancelled")
         elif done.error is None:
-            context.tell_saved(done.result)
+            out, boxes = done.result
+            context.tell_saved(out)
+            if boxes:
+                context.toast(f"On the sheet, {boxes}")
 
     def _follow_preview(self, context: ToolContext) -> None:
         cut, scene, document = (self.cut(context) if self.preview.shown else None), context.scene, context.document

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....commands.section.cut import Cut
 from ....commands.section.sheet_request import SCALE, SheetRequest, make_sheet, write_lines
+from ....common.fonts import boxes_line
 from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.measuring.measurement import Measurement
 from ....work.selection import Selection
@@ -66,12 +67,14 @@ class SheetChoices:
 
 
 def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest, meshes: tuple[MeshLayer, ...],
-               measurements: tuple[Measurement, ...]) -> Callable[[], Path]:
-    """What draws and saves a sheet, or a DXF of its lines, by the ending of ``out``.  Raises InputError when it is called."""
+               measurements: tuple[Measurement, ...]) -> Callable[[], tuple[Path, str]]:
+    """What draws and saves a sheet, or a DXF of its lines, by the ending of ``out``; it returns the file, and a line about
+    letters that no font here has, "" where there are none.  Raises InputError when it is called."""
 
-    def work() -> Path:
-        from ....commands.section.sheet import write_figures
+    def work() -> tuple[Path, str]:
+        from ....commands.section.sheet import drawn_texts, write_figures
 
+        boxes = ""
         with name_kept(out):
             if out.suffix.lower() == ".dxf":
                 write_lines(out, selection, cut, request, meshes, measurements)
@@ -79,7 +82,8 @@ def sheet_work(out: Path, selection: Selection, cut: Cut, request: SheetRequest,
                 made = make_sheet(selection, cut, request, meshes=meshes, measurements=measurements,
                                   png=out.suffix.lower() == ".png")
                 write_figures(out, [(made.figure, made.dpi)])
-        return out
+                boxes = boxes_line(drawn_texts([made.figure]))
+        return out, boxes
 
     return work
 
