@@ -13,6 +13,7 @@ from drive_dialogs import Person, write_points
 from x_keyboard import xdo
 
 from pointglass.viewer.common import fonts
+from pointglass.viewer.picture.clip import Box
 from pointglass.viewer.work.notes.annotation import Annotation
 
 _STEP, _SIDE, _TALL = 0.04, 1.6, 0.5
@@ -66,6 +67,7 @@ def check_the_volume_in_a_clip_box_of_typed_numbers_is_measured(p: Person, folde
     for label, number in (("##z", "0.5123456"), ("##height", "0.8246912"), ("##length", "3.2"), ("##width", "3.2")):
         typed(p, label, number)
     (box,) = session.document.clips
+    assert isinstance(box, Box)
     assert box.centre[2] == 0.5123456 and 2 * box.half[2] == 0.8246912 and 2 * box.half[0] == 3.2, box
     p.click("##z")
     p.key("Tab")  # visited, not typed in

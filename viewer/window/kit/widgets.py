@@ -51,12 +51,18 @@ def to_the_right(width: float) -> None:
     imgui.same_line(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x - width)
 
 
-def heading(text: str, style: Theme) -> None:
-    """The title of a section."""
+def heading(text: str, style: Theme, *, beside_buttons: bool = False) -> None:
+    """The title of a section.  beside_buttons: as low as the icons of buttons on its line."""
     if imgui.get_cursor_pos_y() > style.px(40):
         imgui.dummy(ImVec2(0, style.px(3)))
+    line = imgui.get_frame_height()
     imgui.push_font(style.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(text)
+    if beside_buttons:
+        at, size = imgui.get_cursor_screen_pos(), imgui.calc_text_size(text)
+        imgui.get_window_draw_list().add_text(ImVec2(at.x, at.y + max(0.0, (line - size.y) / 2)), packed(theme.TEXT), text)
+        imgui.dummy(size)
+    else:
+        imgui.text_unformatted(text)
     imgui.pop_font()
 
 

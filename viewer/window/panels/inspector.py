@@ -24,7 +24,7 @@ def draw_inspector(session: Session, toolbox: Toolbox, tools: ToolContext, actio
     begin_docked("inspector", place, style, padding=_SIDES)
     imgui.push_font(style.regular, theme.FONT_SIZE - 1)
     tool, flying = toolbox.active, toolbox.active is toolbox.fly
-    heading("Picture" if flying else f"{tool.icon or tool.label[:1]}  {tool.label}", style)
+    heading("Picture" if flying else f"{tool.icon or tool.label[:1]}  {tool.label}", style, beside_buttons=True)
     if not flying:
         hint(explained(tool), style)
     side = imgui.get_frame_height()

@@ -44,7 +44,7 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
         return
     begin_docked("outliner", place, style, padding=_SIDES)
     imgui.push_font(style.regular, theme.FONT_SIZE - 1)
-    heading("Scans", style)
+    heading("Scans", style, beside_buttons=True)
     _scan_buttons(actions, style)
     _scans(session, actions, style)
     for tool in toolbox.tools:
@@ -58,13 +58,14 @@ def draw_outliner(session: Session, toolbox: Toolbox, tools: ToolContext, action
 
 
 def _scan_buttons(actions: Actions, style: Theme) -> None:
-    """On the line of the heading, to its right."""
+    """On the line of the heading, to its right; smaller where the panel is narrow."""
     rows = ((icons.OPEN, "open", "Open scans or a project (O)"),
             (icons.ADD, "add", "Add scans to the scene"),
             (icons.EXPORT, "export", "Export the points in sight: not hidden, left by clips"),
             (icons.REMOVE, "close_scan", "Close the scan: back to the start page"),
             (icons.FOLD_LEFT, "fold outliner", "Fold this panel"))
-    side = imgui.get_frame_height()
+    imgui.same_line()
+    side = min(imgui.get_frame_height(), imgui.get_content_region_avail().x / len(rows))
     to_the_right(len(rows) * side)
     for number, (icon, name, explained) in enumerate(rows):
         if number:
@@ -74,6 +75,8 @@ def _scan_buttons(actions: Actions, style: Theme) -> None:
                 actions.fold("outliner", True)
             else:
                 actions.do(name)
+    imgui.same_line(0, 0)
+    imgui.dummy(ImVec2(0, imgui.get_frame_height()))
 
 
 def _scans(session: Session, actions: Actions, style: Theme) -> None:
