@@ -63,6 +63,10 @@ class AttributeLegend(Overlay):
             draw_ramp(overlay, legend.ramp, legend.title, legend.low, legend.high)
 
 
+_NAMES = {"edl": "eye-dome lighting"}
+"""Names of sliders that are not their fields'."""
+
+
 class Colours(Tool):
     """Its panel holds the look; the pointer flies as usual."""
 
@@ -136,7 +140,7 @@ class Colours(Tool):
 
     def _slider(self, ui: Any, context: ToolContext, name: str, least: float, most: float, form: str) -> None:
         look = context.document.look
-        ui.text_unformatted(name.replace("_", " "))
+        ui.text_unformatted(_NAMES.get(name, name.replace("_", " ")))
         ui.set_next_item_width(-1)
         changed, value = slider_float(f"##{name}", getattr(look, name), least, most, form)
         if changed and least <= value <= most:
@@ -155,4 +159,4 @@ class Colours(Tool):
         self._slider(ui, context, "edl", 0.0, 1.0, "%.2f")
         ui.end_disabled()
         if off:
-            ui.text_wrapped("Point size and eye-dome lighting (edl) act in the raw and filtered views, which show points.")
+            ui.text_wrapped("Point size and eye-dome lighting act in the raw and filtered views, which show points.")

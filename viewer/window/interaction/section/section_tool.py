@@ -204,11 +204,12 @@ class SectionTool(Tool):
     def panel(self, ui: Any, context: ToolContext) -> None:
         if context.scene is None:
             return
+        half = ui.get_content_region_avail().x / 2
         for number, (kind, title) in enumerate(KINDS.items()):
+            if number % 2:
+                ui.same_line(half)
             if ui.radio_button(title, self.kind == kind):
                 self.kind = kind
-            if number == 0:  # the panel is as wide as two of them
-                ui.same_line()
         unit = unit_of(context)
         if self.kind == "plan":
             ui.set_next_item_width(-1)
