@@ -112,8 +112,9 @@ class SourceRecords:
         """The records of each source, by its number, of which the clips leave no point: it need not be read.  Of places only,
         where each file has cells of its own."""
         points, records = self.scene.points, self.scene.records
-        single = isinstance(points, JoinedPoints) and records is not None and points.table.grids == len(self.sources)
-        if not single or self.scene.meta.dropped.stray:  # those lie in no cell
+        if records is None or not isinstance(points, JoinedPoints) or points.table.grids != len(self.sources):
+            return {}
+        if self.scene.meta.dropped.stray:  # those lie in no cell
             return {}
         half = self.scene.cell_size / 2
         centres = self.scene.cell_min + half
