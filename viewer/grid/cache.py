@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from .building.grid_threads import processors
 from .checksum import checksum
 from .column_files import ColumnFiles
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
-from .mapped_array import loaded, mapped
+from .mapped_array import LateColumn, loaded, mapped
 from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, scratch
@@ -84,12 +85,13 @@ def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool
     return build_into(folder, files, build, keep_old=False) if scene is None else scene
 
 
-def load(folder: Path, files: list[Path]) -> Scene | None:
-    """The grid of ``files`` stored in ``folder``; None where there is no usable one, for which the log has the reason."""
+def load(folder: Path, files: list[Path], *, late: bool = False) -> Scene | None:
+    """The grid of ``files`` stored in ``folder``; None where there is no usable one, for which the log has the reason.
+    late: nothing of it stays open (viewer.grid.mapped_array.LateColumn): it is one of many."""
     if not folder.exists():
         return None
     try:
-        return _read(folder, _identity(files))
+        return _read(folder, _identity(files), late)
     except OtherGrid as error:
         _log.info("%s: not used (%s); the grid is built again", folder, error)
     except DamagedGrid as error:
@@ -104,24 +106,26 @@ def foreign_file(folder: Path) -> str | None:
     return next((name for name in names if name not in ours | _CLUTTER), None)
 
 
-def load_folder(folder: Path) -> Scene:
-    """The grid in a folder made by ``convert``.  Raises InputError where the folder is another, or damaged."""
+def load_folder(folder: Path, *, late: bool = False) -> Scene:
+    """The grid in a folder made by ``convert``.  late: as for :func:`load`.  Raises InputError where the folder is another, or
+    damaged."""
     if not is_grid(folder):
         raise InputError("is a folder, but not one made by convert", file=folder, remedy=f"give an {KNOWN}")
     try:
-        return _read(folder, None)
+        return _read(folder, None, late)
     except DamagedGrid as error:
         raise InputError(f"damaged grid ({error})", file=folder, remedy="convert the scan again") from None
 
 
-def _read(folder: Path, identity: list | None) -> Scene:
+def _read(folder: Path, identity: list | None, late: bool = False) -> Scene:
     """The grid in a folder.  identity: of the files that it must have been made from, None for any.  Raises DamagedGrid."""
     header = read_header(folder, identity)
-    arrays = {}
+    column: Any = LateColumn if late else mapped
+    arrays: dict[str, Any] = {}
     for name, dtype in _ARRAYS.items():
         if name in _OPTIONAL and name not in header.shapes:
             continue
-        array = (mapped if name in _COLUMNS else loaded)(folder / f"{name}.npy")
+        array = (column if name in _COLUMNS else loaded)(folder / f"{name}.npy")
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
         # in memory, so that what was checked is used even if the file changes

@@ -1,11 +1,13 @@
 """Memory maps of .npy files, the columns of a grid on disk."""
 
+import contextlib
 import math
 import os
 import re
 import tokenize
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +40,38 @@ def loaded(path: Path) -> np.ndarray:
 def _described(found: re.Match) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and type of a plain header."""
     return tuple(int(side) for side in found["shape"].split(b",") if side.strip()), np.dtype(found["type"].decode())
+
+
+class LateColumn:
+    """A column of a grid with a row for each point, which is mapped anew whenever rows are read: nothing of its file is open in
+    between, since a place has more grids than a process may have open files.
+
+    Raises DamagedGrid naming the file where there is no such column."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.shape, self.dtype = _shape_of(path)
+        self.ndim = len(self.shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, index: Any) -> np.ndarray:
+        return mapped(self.path)[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(mapped(self.path), dtype)
+
+
+def _shape_of(path: Path) -> tuple[tuple[int, ...], np.dtype]:
+    if path.is_file():  # opening a pipe would block
+        with contextlib.suppress(*_NPY_ERRORS), open(os.fspath(path), "rb", buffering=0) as file:
+            if found := _PLAIN_NPY.match(file.read(128)):
+                shape, dtype = _described(found)
+                if len(found[0]) + math.prod(shape) * dtype.itemsize <= os.fstat(file.fileno()).st_size:
+                    return shape, dtype
+    array = mapped(path)  # which says what is wrong
+    return array.shape, array.dtype
 
 
 def rows_of(path: Path, first: int, count: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """A place of many files: a grid for each file in the cache, joined when opened."""
 
+import contextlib
 import os
 import pickle
 import subprocess
@@ -20,7 +21,7 @@ from pointglass.viewer.grid.cache import load, load_folder
 from pointglass.viewer.grid.density_layers import Lattice
 from pointglass.viewer.grid.gathered_rows import gathered
 from pointglass.viewer.grid.open_scene import open_scene
-from pointglass.viewer.grid.place import many_files
+from pointglass.viewer.grid.place import many_files, open_place
 from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
 from pointglass.viewer.grid.place.relaid_grid import with_cells
 from pointglass.viewer.grid.records.file_records import FileRecords
@@ -96,6 +97,22 @@ def test_the_chunks_that_are_streamed_are_the_points(tmp_path, seed, chunk_point
     with pytest.raises(InputError, match="do not match their checksum"):
         for chunk in range(source.chunks):
             chunks_of(scene, chunk_points).read(chunk, into)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc")
+def test_no_file_of_the_grids_stays_open_while_a_place_is_opened(tmp_path, store, monkeypatch):
+    """A place has more grids than a process may have open files, 1,024 by default."""
+    files, held, join = tiles(tmp_path, 3), [], open_place.scene_of_grids
+
+    def joining(*given, **more):
+        for number in os.listdir("/proc/self/fd"):
+            with contextlib.suppress(OSError):  # closed meanwhile
+                held.append(os.readlink(f"/proc/self/fd/{number}"))
+        return join(*given, **more)
+
+    monkeypatch.setattr(open_place, "scene_of_grids", joining)
+    assert open_scene(files).count == open_scene(files).count
+    assert held and not [file for file in held if file.endswith(".npy")]
 
 
 def test_only_what_changed_is_converted(tmp_path, store):

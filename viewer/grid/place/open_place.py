@@ -35,7 +35,7 @@ def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None
     InputError where a folder cannot be used, no file can be read or the cache cannot be written; Cancelled where progress is
     cancelled: grids that are complete stay.
     """
-    given = {path: folder_scene(path, match, moves) for path in paths if path.is_dir()}
+    given = {path: folder_scene(path, match, moves, late=True) for path in paths if path.is_dir()}
     files = [path for path in paths if path not in given]
     options = PlaceOptions(match, columns, tuple((moves or {}).items()))
     folders, size, errors = _converted_files(files, options, _size_of_most(list(given.values())), workers)
@@ -52,11 +52,11 @@ def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None
     return scene, [errors[file] for file in files if file in errors]
 
 
-def folder_scene(folder: Path, match: bool, moves: "Moves | None") -> Scene:
-    """The grid in a folder made by ``convert``.  Raises InputError where it is damaged, moved, or was built with matched
-    exposures and colours as scanned are asked for."""
+def folder_scene(folder: Path, match: bool, moves: "Moves | None", *, late: bool = False) -> Scene:
+    """The grid in a folder made by ``convert``.  late: it is one of many (viewer.grid.cache.load).  Raises InputError where it
+    is damaged, moved, or was built with matched exposures and colours as scanned are asked for."""
     refuse_moved_grid(folder, moves)
-    scene = stored.load_folder(folder)
+    scene = stored.load_folder(folder, late=late)
     if not match and scene.matched:
         raise InputError("was built with matched exposures, colours as scanned are not in it", file=folder,
                          remedy=("give the scan itself, or convert it again with ", Option("--exposures", "as-scanned")))
@@ -136,9 +136,9 @@ def missing_grids(files: Sequence[Path], *, match: bool = True, columns: str | N
 
 
 def _opened(folder: Path, file: Path, cache: Path, options: PlaceOptions) -> Scene:
-    scene = stored.load(folder, [file])
+    scene = stored.load(folder, [file], late=True)
     if scene is None:  # damaged: what cannot be used is built anew
-        scene = stored.load(convert_one(file, cache, options), [file])
+        scene = stored.load(convert_one(file, cache, options), [file], late=True)
     if scene is None:
         raise InputError("its grid cannot be read again", file=file, remedy="open the scan again")
     return scene
