@@ -31,7 +31,8 @@ class Plates(OverlayCanvas):
 
 def test_labels_never_cover_each_other_or_a_mark_and_the_nearest_point_has_one(seed, monkeypatch):
     """Those of measurements and of notes are asked for apart, before the marks of the notes are drawn."""
-    monkeypatch.setattr(kit_overlay, "_shade", lambda *_: 0)  # imgui's colours need its context
+    for name in ("_shade", "packed"):
+        monkeypatch.setattr(kit_overlay, name, lambda *_: 0)  # imgui's colours need its context
     rng = np.random.default_rng(seed)
     for spread in (0.02, 0.2, 1.0):
         overlay, points = Plates(), np.array([0.0, 3.0, 0.0]) + rng.normal(0.0, spread, (12, 3)).clip(-2.5, 2.5)

@@ -163,7 +163,16 @@ class OverlayCanvas:
             depths = self.camera.project(points)[1]
             found = label_places(places, depths, sizes, gap, self.area, edge, self._taken, _REACHES)
             for number, at in found.items():
+                self._leader(places[number], at, sizes[number])
+            for number, at in found.items():
                 self.text(at, texts[number], colour)
+
+    def _leader(self, point: np.ndarray, at: tuple[float, float], size: tuple[float, float]) -> None:
+        """A line from a point to its label, where that lies farther off than in a corner of it."""
+        near = np.clip(point, at, np.add(at, size))
+        if np.abs(near - point).max() > 1.5 * self.theme.px(_GAP):
+            start, end = ImVec2(*map(float, point)), ImVec2(*map(float, near))
+            self.draw_list.add_line(start, end, packed(theme.PANEL, 0.92), self.theme.px(1.5))
 
     def divider(self, x: float) -> None:
         """A vertical line across the picture at a position of the interface."""

@@ -66,8 +66,7 @@ def _draw(app: Host, *, shown: bool) -> None:
     look.fallback.follow()
     keys_in_lists(imgui)
     imgui.backends.opengl3_new_frame()
-    if shown or imgui.get_io().display_size.x <= 0:  # else not: it waits for an X server that still copies the last picture
-        imgui.backends.glfw_new_frame()
+    imgui.backends.glfw_new_frame()  # without it a layout's keys seem held since the frame before, and repeat
     imgui.new_frame()
     over = app.input.over_handle and not imgui.get_io().want_capture_mouse
     if over or session.dragging_handle:
