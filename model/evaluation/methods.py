@@ -99,7 +99,9 @@ class ViewPoints:
         if (mask, weighted) not in self.inputs:
             raster = self.weighted if weighted else self.raster
             noise = seen_noise(self.noise, raster, self.seen)
-            self.inputs[mask, weighted] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise)
+            overall = 0.0 if self.noise is None or PRESETS.get(mask) != "auto" else self.noise.overall
+            self.inputs[mask, weighted] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise,
+                                                        overall)
         return self.inputs[mask, weighted]
 
     def fresh(self) -> "ViewPoints":

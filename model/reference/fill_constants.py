@@ -20,12 +20,12 @@ NEARER_START = NEARER[0] / (NEARER[1] - NEARER[0])
 WIDER_SCALE = 1.0 / (DEPTH_FEATURE_SCALE * (WIDER[1] - WIDER[0]))
 
 
-def wider_ramp(level: int, footprint: float | None = None) -> tuple[float, float]:
+def wider_ramp(level: float, footprint: float | None = None) -> tuple[float, float]:
     """Factor and offset that make the ramp of WIDER of a depth feature.  footprint: of an orthographic picture the feature that
     stands for the size of all pixels, whatever their depth; None: a pixel's own feature says it."""
     return (WIDER_SCALE, wider_offset(level)) if footprint is None else (0.0, footprint * WIDER_SCALE + wider_offset(level))
 
 
-def wider_offset(level: int) -> float:
+def wider_offset(level: float) -> float:
     """Offset of the ramp of WIDER at a level whose pixels have a side of 2^level."""
     return (level - WIDER[0]) / (WIDER[1] - WIDER[0])

@@ -24,13 +24,14 @@ DEPTH = 3
 """Channel of the depth feature."""
 
 
-def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None) -> Tensor:
+def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None, widened: float = 0.0) -> Tensor:
     """Fills the pixels outside ``mask``.
 
     image: (C, H, W) float.  Where C > 3, channel 3 is the depth feature, and all channels are filled from the background.
     mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
     where the weight is 1; all zeros where nothing is measured.
     footprint: of an orthographic picture, as of :func:`model.reference.fill_constants.wider_ramp`.
+    widened: of :func:`model.reference.averaging_constants.widening`.
     """
     by_depth = len(image) > DEPTH
     weight = mask.to(image.dtype)
@@ -39,7 +40,8 @@ def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None) -> Te
         parts, shares = quads(sums[-1], 0.0), quads(weights[-1], 0.0)
         level = len(weights) - 1
         if by_depth and level >= FIRST_LEVEL:
-            kept = background([_feature(part, share) for part, share in zip(parts, shares, strict=True)], level, footprint)
+            kept = background([_feature(part, share) for part, share in zip(parts, shares, strict=True)], level - widened,
+                              footprint)
             parts = [keep * part for keep, part in zip(kept, parts, strict=True)]
             shares = [keep * share for keep, share in zip(kept, shares, strict=True)]
         a, b, c, d = shares
@@ -53,12 +55,12 @@ def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None) -> Te
     for level in range(len(weights) - 2, -1, -1):
         weight = weights[level]
         gated = by_depth and level + 1 >= FIRST_LEVEL
-        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 if gated else None,
-                                                         footprint)
+        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 - widened if gated
+                                                         else None, footprint)
     return filled
 
 
-def background(features: Sequence[Tensor], level: int, footprint: float | None = None) -> list[Tensor]:
+def background(features: Sequence[Tensor], level: float, footprint: float | None = None) -> list[Tensor]:
     """Weights 0..1 of four neighbouring samples of a level: 0 where a sample is clearly nearer than the farthest of them and
     the point spacing of its surface is clearly smaller than the level's pixels.  The farthest has weight 1.
 
@@ -77,7 +79,7 @@ def _feature(part: Tensor, share: Tensor) -> Tensor:
     return torch.where(share > 0, part[DEPTH] / share.clamp_min(1e-20), EMPTY_FEATURE)
 
 
-def _sampled(coarse: Tensor, height: int, width: int, level: int | None, footprint: float | None) -> Tensor:
+def _sampled(coarse: Tensor, height: int, width: int, level: float | None, footprint: float | None) -> Tensor:
     """Samples a filled coarser level at the finer level's pixel centres: bilinear, borders repeated, background only.
 
     coarse: (C, h, w).  level: of ``coarse``; None: bilinear without a test.  The weights are 9, 3, 3, 1 of 16, as in

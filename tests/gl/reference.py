@@ -66,7 +66,8 @@ def reference_frame(scene, camera, settings, *, metre=1.0) -> ReferenceFrame:
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
     ) & (raster.count > 0)
     noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
-    packed = network_input(raster, mask, camera.fx, scene.spacing, noise)
+    overall = 0.0 if scene.noise is None or settings.filter != "auto" or settings.soft_z != "auto" else scene.noise.overall
+    packed = network_input(raster, mask, camera.fx, scene.spacing, noise, overall)
     around = Enclosure(scene).around(camera.position)
     met = rays_met(around, camera)
     alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())

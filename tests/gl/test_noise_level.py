@@ -67,3 +67,25 @@ def test_averaging_counts_points_or_their_weights():
     count = torch.tensor([[0, 1, 4, 255, 10_000]])
     assert averaging(count, weighted=False)[0].tolist() == pytest.approx([1, 1, 0.5, 255**-0.5, 255**-0.5])
     assert averaging(count, weighted=True)[0].tolist() == pytest.approx([1, 1, 1, (255 / 8) ** -0.5, (255 / 8) ** -0.5])
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_sparse_points_of_a_noisy_scan_are_averaged_as_by_the_reference(context, seed, weighted):
+    """The filled picture alone, and the network's input whatever the detail; in a scan of little noise all count in full."""
+    scene = (scanned if weighted else room)(seed, points=1_000)
+    camera, weights = camera_in(scene, seed, (193, 110)), {}
+    for overall in (0.06, 0.01):
+        noisy = replace(scene, noise=replace(lattice(scene, seed), overall=overall))
+        renderer, wanted = Renderer(context, noisy, device="cpu"), reference_frame(noisy, camera, Settings())
+        try:
+            shown = renderer.render(camera, Settings(), views=("filled",)).image("filled").astype(int)
+            renderer.render(camera, Settings(view="neural", device="cpu", quality="fast", detail=1.5))
+            given = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.float16)
+            packed = given.reshape(camera.height, camera.width, 8)
+        finally:
+            renderer.release()
+        assert (np.abs(packed[..., :4] - wanted.filled[:4].transpose(1, 2, 0)) > 5e-3).mean() <= AT_EDGES
+        opaque = wanted.alpha[..., None] == 1
+        assert ((np.abs(shown[..., :3] - 255 * wanted.filled[:3].transpose(1, 2, 0)) > 2) & opaque).mean() <= AT_EDGES
+        weights[overall] = packed[..., 3].astype(float)
+    assert (weights[0.06] <= weights[0.01]).all() and (weights[0.06].sum() < weights[0.01].sum() or not wanted.mask.any())

@@ -30,6 +30,7 @@ from .device.context import LOST, context_lost, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
 from .frame import Frame, FrameFacts, raster_facts
+from .passes.averaging import widening_of
 from .passes.filter import DepthFilter
 from .photographs.scene_photographs import ScenePhotographs
 from .raster.choose_raster import RASTERISERS as RASTERISERS
@@ -210,16 +211,20 @@ class Renderer:
                  depth: "moderngl.Texture", mask: "moderngl.Texture", network: "NeuralStage | None", *, with_depth: bool
                  ) -> "moderngl.Texture":
         """The filled view; also writes the input of ``network``, where one is given."""
-        stages, passes, level = self._stages, self._passes, None
-        fill = passes.fill_pass()
-        colour, confidence = passes.fill_input(rasteriser, mask)
-        if network and (noise := passes.noise_level(self.scene.noise)):
+        stages, passes, fill = self._stages, self._passes, self._passes.fill_pass()
+        colour, weight = passes.fill_input(rasteriser, mask)
+        widened = widening_of(settings, edits, self.scene.noise)
+        noise = passes.noise_level(self.scene.noise) if network or widened else None
+        if noise:
+            given = rasteriser.colour, rasteriser.depth, rasteriser.weight, weight
             with stages("noise"):
-                noise.run(rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
-                          weighted=rasteriser.weighted, detail=settings.detail)  # fmt: skip
-            level = noise.level
+                if widened:
+                    noise.run(*given, camera=camera, weighted=rasteriser.weighted, detail=1.0)
+                    weight = passes.averaged(weight, noise.level)
+                if network and not (widened and settings.detail == 1.0):
+                    noise.run(*given, camera=camera, weighted=rasteriser.weighted, detail=settings.detail)
         with stages("fill"):
-            fill.run(colour, confidence, depth, noise=level,
+            fill.run(colour, weight, depth, noise=noise.level if noise else None, widened=widened,
                      camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
                      network=network.bridge.input if network else None, with_depth=with_depth)  # fmt: skip
         return fill.filled

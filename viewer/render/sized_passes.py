@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import DeviceError, Option
+from .passes.averaging import Averaging
 from .passes.depth_ratios import ParallelDepth, middle_depth
 from .passes.fill import Fill
 from .passes.filter import DepthFilter
@@ -44,6 +45,7 @@ class SizedPasses:
     fill: Fill | None = None
     confidence: Confidence | None = None
     noise: NoiseLevel | None = None
+    averaging: Averaging | None = None
     photos: PhotoPass | None = None
     parallel: ParallelDepth | None = None
     neural: "NeuralStage | None" = None
@@ -114,6 +116,12 @@ class SizedPasses:
         if network is not None:
             network.photographs = self.photos if numbers else None
 
+    def averaged(self, confidence: "moderngl.Texture", level: "moderngl.Texture") -> "moderngl.Texture":
+        """The weight of each pixel in the fill of a noisy scan.  confidence: of :meth:`fill_input`.  level: of noise_level."""
+        self.averaging = self.averaging or Averaging(self.programs, self.size)
+        self.averaging.run(confidence, level)
+        return self.averaging.averaged
+
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
         """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""
         if self.noise is None and noise is not None:
@@ -139,12 +147,12 @@ class SizedPasses:
 
     def release(self) -> None:
         """Frees all of them."""
-        singles = self.filter, self.fill, self.confidence, self.noise, self.photos, self.parallel
+        singles = self.filter, self.fill, self.confidence, self.noise, self.averaging, self.photos, self.parallel
         for made in (*self.rasterisers.values(), *singles, *self.networks):
             if made is not None:
                 made.release()
         self.rasterisers = {}
-        self.filter = self.fill = self.confidence = self.noise = self.photos = self.parallel = None
+        self.filter = self.fill = self.confidence = self.noise = self.averaging = self.photos = self.parallel = None
         self.neural = self.spare_neural = None
 
 

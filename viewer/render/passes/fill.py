@@ -67,16 +67,17 @@ class Fill:
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             around: Directions, spacing: float, network: "Storage | None" = None,
-            noise: moderngl.Texture | None = None, with_depth: bool = False) -> None:
+            noise: moderngl.Texture | None = None, with_depth: bool = False, widened: float = 0.0) -> None:
         """depth: Frame.ratio_depth.  around: the directions from the camera position.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only.
-        with_depth: whether ``depth`` is written, too."""
+        with_depth: whether ``depth`` is written, too.
+        widened: of model.reference.averaging_constants.widening."""
         if network is None:
             noise = None
         feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
-        coarse, is_sum = self._pyramid(base, feature_scale, footprint_feature(camera, spacing))
+        coarse, is_sum = self._pyramid(base, feature_scale, footprint_feature(camera, spacing), widened)
         view = closed_in_view(around.closed, camera)
         if view not in (CLOSED, SEALED):  # else no direction in view is background, and the hole test is not needed
             self._hole_test.run(camera, around.occupancy)
@@ -95,11 +96,11 @@ class Fill:
                           writes=network is not None, ALIKE=view, SEALED=SEALED, DEPTH=1 if with_depth else None)
         push.run(*outputs.values(), inputs=inputs, buffers={} if network is None else {"NETWORK": network}, **uniforms)
 
-    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float, footprint: float | None
-                 ) -> tuple[dict[str, moderngl.Texture], int]:
+    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float, footprint: float | None,
+                 widened: float) -> tuple[dict[str, moderngl.Texture], int]:
         """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0.
 
-        footprint: :func:`footprint_feature`."""
+        footprint: :func:`footprint_feature`.  widened: as of :meth:`run`."""
         carried = self._noise_pyramid() if "noise" in base else _Noise([], [])
         noisy = bool(carried.values)
         levels = [{"value": value, "weight": weight} for value, weight in zip(self._values, self._weights, strict=True)]
@@ -109,7 +110,7 @@ class Fill:
             below, background = levels[index - 1] if index else base, index >= FIRST_LEVEL
             uniforms: dict[str, Any] = {} if index else {"feature_scale": feature_scale}
             if background:
-                uniforms["wider"] = wider_ramp(index, footprint)
+                uniforms["wider"] = wider_ramp(index - widened, footprint)
             pull = self._pass("fill_pull.comp", _PULLED[: len(level)], below, uniforms, base=index == 0, noise=noisy,
                               background=background)
             pull.run(*level.values(), inputs=below, **uniforms)
@@ -120,7 +121,7 @@ class Fill:
             inputs = {**coarse, **levels[index], "whole_weight": self._weights[-1]}
             uniforms = {"coarse_is_sum": is_sum}
             if background := above >= FIRST_LEVEL:
-                uniforms["wider"] = wider_ramp(above, footprint)
+                uniforms["wider"] = wider_ramp(above - widened, footprint)
             push = self._pass("fill_push.comp", _PUSHED[: len(made)], inputs, uniforms, noise=noisy, background=background)
             push.run(*made.values(), inputs=inputs, **uniforms)
             coarse, is_sum = made, 0
