@@ -1,6 +1,6 @@
 // Averaging in sparse places: how much a measured pixel counts in the fill.  COUNTS: the share of measured pixels of each block.
 // Else the weight of each pixel, from its noise and the density interpolated between the blocks' centres.
-// Reference implementation: model/reference/averaging.py.
+// Reference implementation: model/reference/pull_push.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D mask;    // keep-mask or confidence

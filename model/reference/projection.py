@@ -14,10 +14,9 @@ from torch import Tensor
 
 from ..common.linear_light import TO_LINEAR, TO_SRGB
 from ..network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
-from .averaging import averaging_weight
-from .averaging_constants import averages, widening
 from .depth_filter import keep_mask
-from .pull_push import pull_push
+from .fill_constants import averages, widening
+from .pull_push import averaging_weight, pull_push
 from .soft_z import MAX_AVERAGED, SoftZ
 from .station_weights import confidence_of, match_tone
 
@@ -149,7 +148,7 @@ def filled_input(measured: Tensor, noise: Tensor | float = 0.0, overall: float =
     measured: (6, H, W) of :func:`measured_input`.  noise: standard deviation of a single point's colour, full brightness = 1,
     at each pixel (H, W) or one value for all.  The noise level is NOISE_SCALE times the standard deviation of a pixel's mean
     colour (a noise-level map: FFDNet, Zhang et al. 2018).  overall: noise of the scan, by which points are averaged where they
-    are sparse (model/reference/averaging.py); then ``noise`` is (H, W).
+    are sparse (model/reference/pull_push.py); then ``noise`` is (H, W).
     """
     level, weight = NOISE_SCALE * noise * measured[5], measured[3]
     if averages(overall):

@@ -10,14 +10,31 @@ push, those clearly nearer than the farthest are left out at levels whose pixels
 Both follow from the depth feature (:func:`model.reference.projection.depth_feature`): the difference of two features is a depth
 ratio, and a feature alone is the point spacing in pixels.  Both tests are linear ramps in the feature, so that a picture
 changes continuously with the camera.
+
+Where points lie far apart in the picture, each is a spot of its own colour, and in a very noisy scan most of what such a spot
+shows is noise.  There the weight of a measured pixel is lowered (:func:`averaging_weight`, ``averaging.comp``): pull-push
+completes it and the gap around it from its neighbours, as if each were a mean of n points, n growing with the noise.  A surface
+then needs n points to fill a gap, so its spacing counts as sqrt(n) times wider where gaps are filled from the background.
 """
 
 from collections.abc import Sequence
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
-from .fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, wider_ramp  # fmt: skip
+from .fill_constants import (  # fmt: skip
+    AVERAGED,
+    DENSE,
+    DENSITY_BLOCK,
+    EMPTY_FEATURE,
+    FIRST_LEVEL,
+    NEARER_SCALE,
+    NEARER_START,
+    NOISE_UNIT,
+    SPARSE,
+    wider_ramp,
+)
 from .pyramid import bilinear, clamped, quads
 
 DEPTH = 3
@@ -31,7 +48,7 @@ def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None, widen
     mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
     where the weight is 1; all zeros where nothing is measured.
     footprint: of an orthographic picture, as of :func:`model.reference.fill_constants.wider_ramp`.
-    widened: of :func:`model.reference.averaging_constants.widening`.
+    widened: of :func:`model.reference.fill_constants.widening`.
     """
     by_depth = len(image) > DEPTH
     weight = mask.to(image.dtype)
@@ -99,3 +116,24 @@ def _sampled(coarse: Tensor, height: int, width: int, level: float | None, footp
             rows.append(((i * a + j * b) + (k * c + m * d)) / total)
         columns.append(torch.stack(rows, -2).flatten(-3, -2))
     return torch.stack(columns, -1).flatten(-2)[..., :height, :width]
+
+
+def averaging_weight(confidence: Tensor, sigma: Tensor) -> Tensor:
+    """(H, W) weight 0..1 of each pixel in the fill.
+
+    confidence: (H, W) 0..1, 0 where nothing is measured.  sigma: (H, W) standard deviation of a pixel's mean colour, full
+    brightness = 1.
+    """
+    apart = 1.0 / _density(confidence > 0).clamp_min(1e-6)  # square of the distance between points, pixels
+    sparse = ((apart - DENSE**2) * (1.0 / (SPARSE**2 - DENSE**2))).clamp(0.0, 1.0)
+    return confidence / (1.0 + sparse * (AVERAGED / NOISE_UNIT**2) * sigma.square())
+
+
+def _density(kept: Tensor) -> Tensor:
+    """(H, W) share of measured pixels around each: of blocks, interpolated between their centres, borders repeated."""
+    height, width = kept.shape
+    own = kept.to(torch.float32)
+    padded = F.pad(torch.stack([own, torch.ones_like(own)]), (0, -width % DENSITY_BLOCK, 0, -height % DENSITY_BLOCK))
+    held, pixels = F.avg_pool2d(padded, DENSITY_BLOCK)
+    whole = (held / pixels)[None, None]
+    return F.interpolate(whole, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[0, 0, :height, :width]

@@ -38,7 +38,7 @@ def hashes_of(renderers: Renderers) -> dict[str, str]:
         weighted = scene_of(xyz, *lit(seed, rgb, 3), standing(seed, 3) * scale + origin)
         cameras = {"turned": placed(view_inside(seed, (97, 61), 60.0), scale, origin),
                    "along y": placed(axis_camera((64, 48), (4.0, 0.5, 2.0)), scale, origin)}
-        for scene, ways in ((scene_from_arrays(xyz, rgb), SETTINGS), (weighted, WEIGHTED)):
+        for scene, ways in ((scene_from_arrays(xyz, rgb, noise=False), SETTINGS), (weighted, WEIGHTED)):
             with renderers.renderer(scene) as renderer:
                 for where, camera in cameras.items():
                     for how, settings in ways.items():

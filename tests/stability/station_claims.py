@@ -81,7 +81,7 @@ def scene_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, places: np.ndar
     """A scene with scanner positions; NaN: unknown."""
     scans = tuple(ScanSummary(f"station {number}", int((scan == number).sum()), None if np.isnan(place).any() else
                               tuple(place.tolist())) for number, place in enumerate(places))
-    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans))
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans), noise=False)  # nothing is averaged
 
 
 def scanned(seed: int, scale: float = 1.0, away: float = 0.0, stations: int = 3, places: np.ndarray | None = None) -> Scanned:
