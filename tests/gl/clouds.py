@@ -8,8 +8,9 @@ from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
 
-def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
-    """A box seen from inside with a few boxes in it: surfaces, so that the filter has something to decide."""
+def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0), noise: bool = False):
+    """A box seen from inside with a few boxes in it: surfaces, so that the filter has something to decide.  noise: whether its
+    random colours count as noise, which is averaged in sparse places."""
     rng = np.random.default_rng(seed)
     parts = []
     for low, high in [((0, 0, 0), (6, 5, 3)), *(((x := rng.uniform(0, 5)), (y := rng.uniform(0, 4)), 0) and
@@ -22,10 +23,11 @@ def room(seed: int, points: int = 24_000, scale: float = 1.0, origin=(0.0, 0.0, 
         parts.append(p)
     xyz = np.concatenate(parts) * scale + np.asarray(origin)
     rgb = rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8)
-    return scene_from_arrays(xyz, rgb, noise=False)  # random colours would be averaged; test_noise_level.py gives them a noise
+    return scene_from_arrays(xyz, rgb, noise=noise)
 
 
-def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 24_000):
+def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 24_000,
+            noise: bool = False):
     """The room, each point one station's, by chance; nobody knows where those of ``unknown`` stood."""
     rng = np.random.default_rng(seed)
     xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
@@ -33,7 +35,7 @@ def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int =
     low, high = xyz.min(0), xyz.max(0)
     scans = tuple(ScanSummary(f"station {s}", int((scan == s).sum()),
                               None if s in unknown else tuple(rng.uniform(low, high).tolist())) for s in range(places))
-    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans), noise=False)
+    return scene_from_arrays(xyz, rgb, scan=scan, meta=ScanDescription(scans=scans), noise=noise)
 
 
 def slats(seed: int, scale: float = 1.0):

@@ -55,7 +55,7 @@ def pictures(context, points: int = 60_000, sizes=((160, 120), (97, 61), (7, 3))
     points: of each scene, enough for hidden cells (viewer.render.culling.occlusion.WORTH) in the second of the sizes."""
     out = []
     for make, kind in product((room, scanned), RASTERISERS):
-        scene = make(SEED, points=points)
+        scene = make(SEED, points=points, noise=True)
         camera, small, least = (camera_in(scene, SEED, size) for size in sizes)
         renderer = Renderer(context, scene, raster=kind, device="cpu")
         for preset in FILTERS:
