@@ -6,8 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.picture.camera import Camera
+from pointglass.viewer.readers.e57.e57_photographs import KINDS, StationPhoto
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import LEVEL, LEVELS, PhotoPool, mip_levels, prepared_photo
+from pointglass.viewer.render.photographs.shadow_kernels import VOTES, count_votes
 
 SIZE = 90, 70
 
@@ -44,6 +46,36 @@ def random_surface(rng):
     filled[40:, :40, :3] //= 3  # photographs show something else here
     measured = np.where(rng.random(depth.shape) < 0.25, 255, 0).astype(np.uint8)
     return camera, depth, filled, measured
+
+
+def test_each_place_votes_for_the_photographs_that_show_it_best(seed):
+    """The choice among many, against StationPhoto.project and a sort."""
+    rng = np.random.default_rng(seed)
+    places, eye = rng.uniform(-3, 3, (40, 3)), rng.normal(0, 0.5, 3)
+    view = (places - eye) / np.linalg.norm(places - eye, axis=1, keepdims=True)
+    photos = []
+    for k in range(60):
+        picture, _, kind, lens, around, pose, _, _ = random_photo(rng, k % 3)
+        pose[:3, 3] *= 4
+        photos.append(StationPhoto("", KINDS[kind], picture, *lens, pose, around))
+    worth = np.zeros((len(photos), len(places)))
+    for k, photo in enumerate(photos):
+        ray = places - photo.position
+        far = np.linalg.norm(ray, axis=1)
+        apart = 1 - (ray * view).sum(axis=1) / far
+        worth[k] = np.where(photo.project(places)[1], photo.fx / ((reference.LEAST_ANGLE + apart) * far), 0)
+    expected = np.zeros(len(photos))
+    for p in range(len(places)):
+        for rank, k in enumerate(np.argsort(-worth[:, p], kind="stable")[:VOTES]):
+            expected[k] += (worth[k, p] > 0) / (rank + 1)
+    turns = np.stack([photo.camera_to_world[:3, :3].T for photo in photos])
+    votes = np.zeros(len(photos))
+    count_votes(places, view, votes, turns, np.stack([-turn @ photo.position for turn, photo in zip(turns, photos)]),
+                np.array([KINDS.index(photo.kind) for photo in photos]),
+                np.array([(photo.fx, photo.fy, photo.cx, photo.cy) for photo in photos]),
+                np.array([photo.around for photo in photos]),
+                np.array([photo.picture.shape[1::-1] for photo in photos], np.float64))  # fmt: skip
+    assert np.allclose(votes, expected)
 
 
 @pytest.mark.parametrize("kind", [reference.PINHOLE, reference.SPHERICAL, reference.CYLINDRICAL])

@@ -9,7 +9,7 @@ best of any pixel.  This changes no pixel.  Planes are (H, W); records are those
 import numpy as np
 
 from ....model.common.jit import compiled
-from ....model.reference.photo_colours import COARSE, LEAST_ANGLE, MOST, PINHOLE
+from ....model.reference.photo_colours import COARSE, GRAZING, LEAST_ANGLE, MOST, PINHOLE
 from .photo_pool import HEIGHT, KIND, LENS, SHIFT, TURN, WIDTH
 from .photo_surface_loops import SURROUNDINGS, surface
 from .photo_tile_loops import (
@@ -18,6 +18,9 @@ from .photo_tile_loops import (
     MEAN_BLUE,
     MEAN_GREEN,
     MEAN_RED,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
     PIXELS,
     PLANE,
     PLANES,
@@ -27,9 +30,13 @@ from .photo_tile_loops import (
     SPACING,
     SURE,
     TILE,
+    VIEW_X,
+    VIEW_Y,
+    VIEW_Z,
     WEIGHT,
     WORD_PLANES,
     Z,
+    among_best,
     could_improve,
     orient,
     project,
@@ -40,7 +47,7 @@ from .photo_tile_loops import (
     weigh,
 )
 
-_ROUNDED = 1.001  # bounds are computed in float32
+_ROUNDED, _SLACK = 1.001, 0.002  # bounds are computed in float32; radians
 _F = np.float32
 
 
@@ -56,10 +63,29 @@ def _extent(s):
     return near, far, widest
 
 
+@compiled(nogil=True, fastmath={"nnan", "nsz"})
+def _normals(s):
+    """The mean unit normal of a tile's certain pixels, and the largest angle from it; its sign means nothing."""
+    x, y, z, count = _F(0.0), _F(0.0), _F(0.0), _F(0.0)
+    for i in range(PIXELS):
+        towards = s[NORMAL_X + i] * s[VIEW_X + i] + s[NORMAL_Y + i] * s[VIEW_Y + i] + s[NORMAL_Z + i] * s[VIEW_Z + i]
+        share = (_F(1.0) if towards > _F(0.0) else _F(-1.0)) if s[SURE + i] > _F(0.0) else _F(0.0)
+        x, y, z = x + share * s[NORMAL_X + i], y + share * s[NORMAL_Y + i], z + share * s[NORMAL_Z + i]
+        count += abs(share)
+    size = np.sqrt(x * x + y * y + z * z)
+    if not size > _F(0.5) * count:
+        return _F(0.0), _F(0.0), _F(1.0), _F(np.pi)
+    x, y, z, least = x / size, y / size, z / size, _F(1.0)
+    for i in range(PIXELS):
+        alike = abs(s[NORMAL_X + i] * x + s[NORMAL_Y + i] * y + s[NORMAL_Z + i] * z)
+        least = min(least, alike if s[SURE + i] > _F(0.0) else _F(1.0))
+    return x, y, z, np.arccos(least)
+
+
 @compiled(nogil=True)
-def _candidates(num, whole, lens, left, top, near, far, widest, found, bounds):
+def _candidates(num, whole, lens, left, top, near, far, widest, normal, found, bounds):
     """Writes to ``found`` the photographs that may colour a tile, and to ``bounds`` what they weigh at most, the largest first.
-    Returns how many."""
+    normal: as of _normals.  Returns how many."""
     u, v = np.empty(2, np.float32), np.empty(2, np.float32)
     u[0], u[1] = (_F(left) - lens[2]) / lens[0], (_F(left + TILE) - lens[2]) / lens[0]
     v[0], v[1] = (_F(top) - lens[3]) / lens[1], (_F(top + TILE) - lens[3]) / lens[1]
@@ -82,10 +108,16 @@ def _candidates(num, whole, lens, left, top, near, far, widest, found, bounds):
             footprint = (far_off - radius) / num[photo, LENS] * lens[0] / far
             if footprint > _F(COARSE[1] * _ROUNDED) * widest:
                 continue
+            facing = abs(dx * normal[0] + dy * normal[1] + dz * normal[2]) / far_off
+            tilt = np.arccos(min(facing, _F(1.0))) - normal[3] - np.arcsin(radius / far_off) - _F(_SLACK)
+            facing = np.cos(max(tilt, _F(0.0)))
+            steep = min((facing - _F(GRAZING[0])) * _F(1.0 / (GRAZING[1] - GRAZING[0])), _F(1.0))
+            if steep <= _F(0.0):
+                continue
             alike = (dx * mx + dy * my + dz) / (far_off * ray)
             angle = np.arccos(min(max(alike, _F(-1.0)), _F(1.0))) - np.arcsin(radius / far_off) - corner
             apart = _F(1.0) - np.cos(max(angle, _F(0.0)))
-            bound = _F(_ROUNDED) / ((_F(LEAST_ANGLE) + apart) * footprint)
+            bound = _F(_ROUNDED) * facing * steep / ((_F(LEAST_ANGLE) + apart) * footprint)
         place = count
         while place > 0 and bounds[place - 1] < bound:
             bounds[place], found[place] = bounds[place - 1], found[place - 1]
@@ -122,7 +154,7 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
     """
     height, width = depth.shape
     ranges, texels, most = pool.view(np.float32), pool.view(np.int32), len(numbers)
-    found, bounds = np.empty(most, np.int64), np.empty(most, np.float32)
+    found, taken, bounds = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.float32)
     s, slots = np.zeros(PLANES * PLANE, np.float32), np.zeros((max(most, MOST) + 1, SLOT_PLANES * PLANE), np.float32)
     best, words = np.zeros((MOST, SLOT_PLANES * PLANE), np.float32), np.zeros(WORD_PLANES * PLANE, np.int32)
     around = np.zeros(3 * SURROUNDINGS, np.float32)
@@ -133,10 +165,11 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
             near, far, widest = _extent(s)
             if not far > _F(0.0):
                 continue
-            count = _candidates(numbers, places, lens, left, top, near, far, widest, found, bounds)
+            orient(s)
+            normal = _normals(s)
+            count = _candidates(numbers, places, lens, left, top, near, far, widest, normal, found, bounds)
             if count == 0:
                 continue
-            orient(s)
             used = 0  # slots of photographs that may colour a pixel
             for k in range(count):
                 if used >= MOST and not could_improve(s, bounds[k]):
@@ -146,10 +179,14 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
                 if weigh(s, numbers[photo], places[photo], lens[0], kept, words, ranges) == 0:
                     continue
                 rank(s, kept, used)
-                sample(numbers[photo], places[photo], kept, words, texels)
+                taken[used] = photo
                 used += 1
             if used == 0:
                 continue
+            for slot in range(used):
+                if used <= MOST or among_best(s, slot):
+                    photo = taken[slot]
+                    sample(numbers[photo], places[photo], slots[slot], words, texels)
             _unpack(filled, top, left, s)
             if used > MOST:
                 ranked(s, slots, best)

@@ -192,6 +192,16 @@ def could_improve(s, bound):
 
 
 @compiled(nogil=True)
+def among_best(s, slot):
+    """Whether a slot is among the best ones of a pixel."""
+    slot, count = _F(slot), 0
+    for k in range(MOST):
+        for i in range(PIXELS):
+            count += 1 if (s[WHO + k * PLANE + i] == slot) & (s[BEST + k * PLANE + i] > _F(0.0)) else 0
+    return count > 0
+
+
+@compiled(nogil=True)
 def sample(num, whole, kept, words, pool):
     """Colours of a photograph, bilinear in the mip level of each pixel, times its gains.  pool: (n,) int32, the pixels of all
     photographs."""

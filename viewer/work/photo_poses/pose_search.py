@@ -10,7 +10,7 @@ import numpy as np
 
 from ...picture.camera import Camera
 from .picture_features import Features, features_of, matches
-from .pose_solver import SolvedPose, ransac_pose, refined_pose
+from .pose_solver import SolvedPose, distances, ransac_pose, refined_pose
 from .reference_views import Draw, ReferenceView, view_of
 
 LONGEST = 1280
@@ -27,9 +27,9 @@ FOCALS = tuple(0.5 * 1.15**step for step in range(11))
 """Focal lengths that are tried where the photograph states none, in longer sides: fields of view of 90 to 28 degrees."""
 LEAST_MATCHES, CELLS = 25, 4
 """Consistent matches below which a pose is not believed, and of 16 parts of the photograph those that hold three of them."""
-HYPOTHESES, EXPLAINED = 3, 0.2
-"""First poses that are followed up: arcades and rows of windows look alike from several places.  A view of whose matches a pose
-explains this share says nothing about the next one."""
+HYPOTHESES, AROUND = 3, 3.0
+"""First poses that are followed up: arcades and rows of windows look alike from several places.  Matches within so many
+tolerances of a pose say nothing about the next one."""
 RIVAL = 0.7
 """Share of the best pose's matches with which another place speaks against it.  A photograph between the arcades of atrium has
 1,400 features that agree at its mirror image, 11 m off."""
@@ -88,23 +88,24 @@ def find_pose(draw: Draw, views: list[ReferenceView], origin: np.ndarray, pictur
 
 def _first_poses(features: Features, views: list[ReferenceView], pairs: list[np.ndarray], centre: tuple[float, float],
                  longest: int, stated: float | None) -> Iterator[SolvedPose]:
-    """Poses that explain many matches, each by views that those before do not explain.  pairs: of each view, as of matches."""
-    left, tolerance = sorted(range(len(views)), key=lambda number: -len(pairs[number])), FIRST_TOLERANCE * longest
+    """Poses that explain many matches, each by matches that those before do not explain.  pairs: of each view, as of
+    matches."""
+    places = [features.places[pair[:, 0]] for pair in pairs]
+    points = [view.points[pair[:, 1]] for view, pair in zip(views, pairs)]
+    tolerance = FIRST_TOLERANCE * longest
     focals = (stated,) if stated else tuple(longest * share for share in FOCALS)
     for _ in range(HYPOTHESES):
-        chosen = [number for number in left[:BEST_VIEWS] if len(pairs[number])]
-        if not chosen:
-            return
-        pixels = np.concatenate([features.places[pairs[number][:, 0]] for number in chosen])
-        points = np.concatenate([views[number].points[pairs[number][:, 1]] for number in chosen])
-        pose = ransac_pose(pixels, points, focals, centre, tolerance)
+        chosen = sorted(range(len(views)), key=lambda number: -len(places[number]))[:BEST_VIEWS]
+        pixels, there = np.concatenate([places[k] for k in chosen]), np.concatenate([points[k] for k in chosen])
+        pose = ransac_pose(pixels, there, focals, centre, tolerance)
         if pose is None:
             return
-        owner = np.repeat(chosen, [len(pairs[number]) for number in chosen])
-        explained = np.bincount(owner[pose.consistent], minlength=len(views))
-        left = [number for number in left if explained[number] < EXPLAINED * len(pairs[number])]
+        pose = refined_pose(pixels, there, centre, pose, tolerance, stated=stated) or pose
+        yield pose
         focals = (pose.focal,)  # of one photograph
-        yield refined_pose(pixels, points, centre, pose, tolerance, stated=stated) or pose
+        for k in range(len(views)):
+            left = distances(places[k], points[k], centre, pose) > AROUND * tolerance
+            places[k], points[k] = places[k][left], points[k][left]
 
 
 def _same(a: SolvedPose, b: SolvedPose) -> bool:

@@ -71,8 +71,7 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
 
     pose, scale = first, float(np.median(np.linalg.norm(points - first.position, axis=1)))
     for _ in range(3):
-        apart = _apart(pixels, points, centre, pose.rotation, pose.shift, pose.focal)
-        use = np.flatnonzero(np.linalg.norm(apart, axis=1) < tolerance)
+        use = np.flatnonzero(distances(pixels, points, centre, pose) < tolerance)
         if len(use) < LEAST:
             return None
 
@@ -95,6 +94,11 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
         residual = float(np.sqrt((length[inside] ** 2).mean()))
         pose = SolvedPose(rotation, shift, focal, inside, residual, _deviations(solved.jac, residual, scale))
     return pose
+
+
+def distances(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, float], pose: SolvedPose) -> np.ndarray:
+    """(n,) pixels between where each point is seen from a pose and the place of its match."""
+    return np.linalg.norm(_apart(pixels, points, centre, pose.rotation, pose.shift, pose.focal), axis=1)
 
 
 def _apart(pixels, points, centre, rotation, shift, focal) -> np.ndarray:
