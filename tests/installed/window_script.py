@@ -15,7 +15,7 @@ def main(folder: Path) -> None:
     import pointglass
     from pointglass.viewer.window.planning.networks import missing_qualities
 
-    driver = Driver(folder)
+    driver = Driver(folder, on_screen=True)
     session = driver.session
     driver.drop(pointglass.demo_scan())
     driver.until(lambda: session.loads.current is None and session.scene is not None, 90)

@@ -72,14 +72,22 @@ def middle(d: "Driver", right: float = 0.0, down: float = 0.0) -> tuple[float, f
 
 
 class Driver:
-    """An App, and events for it.  A picture "bare" is that of the whole window with the interface hidden."""
+    """An App, and events for it.  A picture "bare" is that of the whole window with the interface hidden.
 
-    def __init__(self, folder: Path):
+    on_screen: copy the canvas to the X server's screen, too.  Checks read the canvas, and the copy is a third of a frame in
+    software OpenGL; test_installed_window.py and test_work_is_kept.py look at the screen.
+    """
+
+    def __init__(self, folder: Path, *, on_screen: bool = False):
         import glfw
 
         from pointglass.viewer.picture.settings import Settings
         from pointglass.viewer.window.shell.app import App
+        from pointglass.viewer.window.viewport.present import Canvas
 
+        if not on_screen:
+            Canvas.to_screen = lambda canvas: None
+            glfw.swap_buffers = lambda window: None
         self.folder = folder
         self.app = App(Settings(view="filled"), size=SIZE, folder=folder, scale=1.0)
         self.glfw = glfw

@@ -301,7 +301,7 @@ def main(folder: Path, count: int, seed: int, scan: Path) -> None:
 
     demo.demo_scan = lambda: scan
     os.chdir(folder)  # projects are saved beside the scans
-    d = Driver(folder)
+    d = Driver(folder, on_screen=True)
     monkey = Monkey(d, seed)
     report: dict = {"actions": 0, "counted": [], "problem": None}
     try:
