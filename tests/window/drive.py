@@ -71,7 +71,7 @@ def main(folder: Path, *asked: str) -> None:
         wanted.add(SHOT)
     order = [name for name in CHECKS if name in wanted]
     follows = dict(zip(CHECKS, [None, *CHECKS]))  # name -> the check before it
-    driver, last = Driver(folder), None
+    driver, last = Driver(folder, on_screen=True), None
     for name in reversed(order) if alone else order:
         if alone or follows[name] != last:
             driver.fresh(BEGINS_WITH[name])

@@ -75,7 +75,8 @@ class Driver:
     """An App, and events for it.  A picture "bare" is that of the whole window with the interface hidden.
 
     on_screen: copy the canvas to the X server's screen, too.  Checks read the canvas, and the copy is a third of a frame in
-    software OpenGL; test_installed_window.py and test_work_is_kept.py look at the screen.
+    software OpenGL.  drive.py and random_actions.py present every frame, as the program does; test_installed_window.py and
+    test_work_is_kept.py look at the screen.
     """
 
     def __init__(self, folder: Path, *, on_screen: bool = False):
@@ -86,7 +87,7 @@ class Driver:
         from pointglass.viewer.window.viewport.present import Canvas
 
         if not on_screen:
-            Canvas.to_screen = lambda canvas: None
+            Canvas.to_screen = lambda canvas: canvas._context.screen.use()  # what OpenGL is left to, as with it
             glfw.swap_buffers = lambda window: None
         self.folder = folder
         self.app = App(Settings(view="filled"), size=SIZE, folder=folder, scale=1.0)

@@ -17,9 +17,9 @@ import numpy as np
 
 from .scan_line_kernels import through
 
-# Constants without another origin were checked on the rooms of tests/unit/grid/test_scanner_positions.py, one at a time: twice
-# the tolerance, half of _TRIES and _JUDGES, and 0.2 and 0.6 for _SHARE find the same stations; half the tolerance, half and twice
-# of _LEAST, and 0.5 and 0.9 for _MOSTLY do not.
+# Constants without another origin were checked on the rooms of tests/unit/grid/test_scanner_positions.py, one at a time.
+# Twice the tolerance, half of _TRIES and _JUDGES, and 0.2 and 0.6 for _SHARE find the same stations; half the tolerance, half
+# and twice of _LEAST, and 0.5 and 0.9 for _MOSTLY do not.
 WINDOW = 512
 """Consecutive points that are examined together."""
 _WIDTHS = (16, 32, 64, 128, 256, 512)  # consecutive points that may form a plane; one of these for a whole file

@@ -1,8 +1,16 @@
 """Networks that settings ask for: which are there, which may stand in for them in flight, and their loading."""
 
+from functools import cache
+
 from ....model.network.qualities import QUALITIES, stand_ins
 from ....model.network.weights_folder import weights_file
 from ...picture.settings import Settings
+
+
+@cache
+def _is_shipped(quality: str, filtered: bool) -> bool:
+    """Whether a quality's weights are there; asked in each turn of the window, and the same as long as the program runs."""
+    return weights_file(quality, filtered=filtered).is_file()
 
 
 def network_key(settings: Settings) -> tuple:
@@ -16,7 +24,7 @@ def smaller_networks(settings: Settings) -> tuple[str, ...]:
     if settings.weights is not None:
         return ()
     filtered = settings.filter != "off"
-    return tuple(name for name in stand_ins(settings.quality) if weights_file(name, filtered=filtered).is_file())
+    return tuple(name for name in stand_ins(settings.quality) if _is_shipped(name, filtered))
 
 
 def load_network(settings: Settings) -> None:
