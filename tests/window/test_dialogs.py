@@ -1,24 +1,15 @@
 """Files chosen in the window with X key and pointer events: open, save, replace, locate, photographs, several files."""
 
-import json
-
 import pytest
 from drive_dialogs import CHECKS
-from x_keyboard import needs_xdotool
-from x_server import run_with_display
+from x_server import report_of
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(700)]  # a minute, more beside other work
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    needs_xdotool()
-    folder = tmp_path_factory.mktemp("dialogs")
-    done = run_with_display("drive_dialogs.py", folder, seconds=600)
-    path = folder / "report.json"
-    found = json.loads(path.read_text()) if path.exists() else {}
-    assert done.returncode == 0, f"the window ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
-    return found
+    return report_of("drive_dialogs.py", tmp_path_factory.mktemp("dialogs"))
 
 
 @pytest.mark.parametrize("claim", CHECKS)

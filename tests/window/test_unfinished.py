@@ -1,24 +1,15 @@
 """What is not finished is left after a question only, and Esc closes what lies above it, with X key and pointer events."""
 
-import json
-
 import pytest
 from drive_unfinished import CHECKS
-from x_keyboard import needs_xdotool
-from x_server import run_with_display
+from x_server import report_of
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(700)]  # a minute, more beside other work
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    needs_xdotool()
-    folder = tmp_path_factory.mktemp("unfinished")
-    done = run_with_display("drive_unfinished.py", folder, seconds=600)
-    path = folder / "report.json"
-    found = json.loads(path.read_text()) if path.exists() else {}
-    assert done.returncode == 0, f"the window ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
-    return found
+    return report_of("drive_unfinished.py", tmp_path_factory.mktemp("unfinished"))
 
 
 @pytest.mark.parametrize("claim", CHECKS)

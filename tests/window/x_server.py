@@ -1,5 +1,6 @@
 """Runs a script of this folder in a process of its own, with an X server of its own on whatever display is free."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from x_keyboard import needs_xdotool
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -43,3 +45,13 @@ def run_with_display(script: str, folder: Path, *arguments: str, seconds: float)
         environment.pop("WAYLAND_DISPLAY", None)
         drive = [sys.executable, str(Path(__file__).with_name(script)), str(folder), *arguments]
         return subprocess.run(drive, env=environment, capture_output=True, text=True, timeout=seconds)
+
+
+def report_of(script: str, folder: Path, *, seconds: float = 600) -> dict[str, dict]:
+    """What one driven window found: check -> its problem, None, and its seconds.  Fails where the window did not end well."""
+    needs_xdotool()
+    done = run_with_display(script, folder, seconds=seconds)
+    path = folder / "report.json"
+    found = json.loads(path.read_text()) if path.exists() else {}
+    assert done.returncode == 0, f"the window ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return found
