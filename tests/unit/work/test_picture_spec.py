@@ -13,6 +13,7 @@ from pointglass.viewer.picture.dates.date_comparison import DateComparison
 from pointglass.viewer.picture.edits import GHOSTS, Edits
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
+from pointglass.viewer.picture.photographs.placed_photograph import PlacedPhotograph
 from pointglass.viewer.picture.point_sets import PointLevels, PointSet
 from pointglass.viewer.picture.regions import ClassChange, Region
 from pointglass.viewer.picture.settings import BACKGROUNDS, CHOICES
@@ -23,13 +24,15 @@ from pointglass.viewer.work.document import Document
 BOX = Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
 SLAB = Slab((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
 SOME = PointSet.of(np.arange(9) > 5, (("scan.las", 9),))
+PLACED = ((1.0, 0.0, 0.0, 2.0), (0.0, 1.0, 0.0, 3.0), (0.0, 0.0, 1.0, 1.5), (0.0, 0.0, 0.0, 1.0))
 OTHERS: dict[type, dict[str, object]] = {
     Box: {"axes": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), "centre": (1.0, 0.0, 0.0), "half": (1.0, 2.0, 4.0)},
     Slab: {"normal": (0.0, 1.0, 0.0), "centre": (1.0, 0.0, 0.0)},
     Edits: {"clips": (BOX,), "hidden_stations": (1,), "up": (0.0, 1.0, 0.0), "look": Look(exposure=1.0),
                   "ghosts": GHOSTS[1], "hidden_classes": (2,), "regions": (Region("", SOME, shown=False),),
                   "reclassified": (ClassChange(6, SOME),), "selection": SOME,
-                  "comparison": DateComparison(("a.las", 9), ("b.las", 8)), "meshes": (MeshLayer("hall.obj"),)},
+                  "comparison": DateComparison(("a.las", 9), ("b.las", 8)), "meshes": (MeshLayer("hall.obj"),),
+                  "photographs": (PlacedPhotograph("a.jpg", "a", 640, 480, 500.0, PLACED, 0.8, 90),)},
     Look: {"colour_by": next(name for name in COLOUR_BY if name != "rgb"), "ramp": tuple(RAMPS)[1]},
 }
 """Another value of a field where :func:`other` cannot tell one."""
