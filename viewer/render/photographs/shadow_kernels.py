@@ -106,15 +106,17 @@ def count_votes(places, view, votes, turns, shifts, kinds, lenses, rounds, sizes
             x = turn[0, 0] * a + turn[0, 1] * b + turn[0, 2] * c + shift[0]
             y = turn[1, 0] * a + turn[1, 1] * b + turn[1, 2] * c + shift[1]
             z = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c + shift[2]
-            if not project(x, y, z, kinds[k], lenses[k], rounds[k], sizes[k, 0], sizes[k, 1])[2]:
-                continue
             far = np.sqrt(x * x + y * y + z * z)
+            if far == 0:
+                continue
             rx = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
             ry = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
             rz = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
             apart = 1.0 - (rx * view[p, 0] + ry * view[p, 1] + rz * view[p, 2]) / far
             worth = lenses[k, 0] / ((LEAST_ANGLE + apart) * far)
             if kept == VOTES and worth <= best[VOTES - 1]:
+                continue
+            if not project(x, y, z, kinds[k], lenses[k], rounds[k], sizes[k, 0], sizes[k, 1])[2]:  # the dearest test: last
                 continue
             place = min(kept, VOTES - 1)
             while place > 0 and best[place - 1] < worth:
