@@ -12,7 +12,7 @@ from .standing_place import FIELD_OF_VIEW, Sampled, overview_position, view_axes
 
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55, -0.85)}  # radians: objects from just above, terrain from above
-FLAT = 0.35  # height over width below which a scan without a place to stand is terrain
+FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
 _MARGIN = 0.86  # share of the picture that a framed scan may take
 _FEW = 8_000  # points that decide on a view from outside
 _STRAY = 0.1
