@@ -132,6 +132,8 @@ def test_distances_from_a_mesh_are_those_of_trimesh(seed):
     for place, distance in zip(xyz, found, strict=True):
         nearest = trimesh.triangles.closest_point(triangles, np.broadcast_to(place, (len(triangles), 3)))
         assert abs(distance) == pytest.approx(np.linalg.norm(nearest - place, axis=1).min(), abs=1e-6)
+    radius = np.linalg.norm(xyz, axis=1)
+    assert (found[radius > 1.2] > 0).all() and (found[radius < 0.7] < 0).all()  # also beside sharp edges
 
 
 def test_pairs_give_the_motion_of_trimesh(seed):

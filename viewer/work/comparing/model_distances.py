@@ -1,7 +1,8 @@
 """Signed distances of the points of a scan from a model of triangles, with the uncertainty of each.
 
 Open3D finds the triangle nearest to each point; the distance to it is computed in float64.  Positive is the side to which the
-triangle's normal points; at edges and corners the mean normal of the faces around decides (Baerentzen and Aanaes 2005).  Where
+triangle's normal points; at an edge the sum of the normals of its faces decides, at a corner the mean of those around it, by
+their angles there (Baerentzen and Aanaes 2005).  Where
 the triangles of a model are not oriented alike, the sign says nothing.
 Frame: the scan's coordinates, float64; its units.
 """
@@ -41,13 +42,14 @@ def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarra
     rays.add_triangles(tensor((vertices - origin).astype(np.float32)), tensor(faces.astype(np.uint32)))
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    around = mean_normals(vertices, faces, across)
+    around, beside = mean_normals(vertices, faces, across), edge_normals(vertices, faces, across)
     distance = np.empty(len(points))
     with progress(len(points), "comparing", "point") as meter:
         for start in range(0, len(points), _BLOCK):
             some = points[start : start + _BLOCK]
             found = rays.compute_closest_points(tensor(some.astype(np.float32)))["primitive_ids"].numpy()
-            distance[start : start + len(some)] = _signed(some, corners[found], across[found], around[faces[found]])
+            distance[start : start + len(some)] = _signed(some, corners[found], across[found], around[faces[found]],
+                                                          beside[found])  # fmt: skip
             meter.update(len(some))
     unsure = np.full(len(points), COVERAGE * scale.noise + registration)
     return Distances(distance, unsure, METHOD, sizes, CloudScale(0.0, 0.0), scale, len(points), registration, RULE)
@@ -68,13 +70,18 @@ def within(found: Distances, depth: float | None = None, limit: float | None = N
     return replace(found, distance=distance, sizes=replace(found.sizes, depth=depth))
 
 
-def _signed(points: np.ndarray, corners: np.ndarray, across: np.ndarray, around: np.ndarray) -> np.ndarray:
-    """(n,) distances from the triangles (n, 3, 3), positive along ``across`` (n, 3); around: (n, 3, 3) at their corners."""
+def _signed(points: np.ndarray, corners: np.ndarray, across: np.ndarray, around: np.ndarray,
+            beside: np.ndarray) -> np.ndarray:  # fmt: skip
+    """(n,) distances from the triangles (n, 3, 3), positive along ``across`` (n, 3); around: (n, 3, 3) at their corners;
+    beside: (n, 3, 3) at the edge that is opposite each corner."""
     weights = np.empty((len(points), 3))
     in_rows(len(points), _LEAST_ROWS, nearest_weights, points, np.ascontiguousarray(corners), weights)
     way = points - np.einsum("ij,ijk->ik", weights, corners)
-    inside = (weights > 0).all(axis=1, keepdims=True)
-    normal = np.where(inside, across, np.einsum("ij,ijk->ik", weights, around))
+    zero = weights <= 0
+    at_edge = np.take_along_axis(beside, zero.argmax(axis=1)[:, None, None], axis=1)[:, 0]
+    at_corner = np.einsum("ij,ijk->ik", weights, around)
+    count = zero.sum(axis=1, keepdims=True)
+    normal = np.where(count == 0, across, np.where(count == 1, at_edge, at_corner))
     return np.linalg.norm(way, axis=1) * np.where(np.einsum("ij,ij->i", way, normal) < 0, -1.0, 1.0)
 
 
@@ -90,3 +97,18 @@ def mean_normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) ->
         for axis in range(3):
             sums[:, axis] += np.bincount(place[faces[:, corner]], angle * across[:, axis], len(sums))
     return sums[place]
+
+
+def edge_normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """(F, 3, 3): at the edge opposite each corner of a face the sum of the unit normals (F, 3) of the faces that share its
+    place."""
+    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    corners = place.reshape(-1)[faces].astype(np.int64)
+    ends = np.sort(np.stack([corners[:, [1, 2]], corners[:, [2, 0]], corners[:, [0, 1]]], axis=1), axis=2)
+    _, edge = np.unique(ends[..., 0] * (corners.max() + 1) + ends[..., 1], return_inverse=True)
+    edge = edge.reshape(-1, 3)
+    sums = np.zeros((int(edge.max()) + 1, 3))
+    for corner in range(3):
+        for axis in range(3):
+            sums[:, axis] += np.bincount(edge[:, corner], across[:, axis], len(sums))
+    return sums[edge]
