@@ -12,10 +12,10 @@ def check_resizing_and_minimising(d: Driver) -> None:
     for size in ((517, 383), (333, 211)):
         d.resize(*size)
         assert d.bare().shape == (size[1], size[0], 3) and np.array_equal(d.bare(), d.rendered())
-    d.app.input.on_resize(d.app.window, 0, 0)
+    d.app.input.window_events.on_resize(d.app.window, 0, 0)
     d.settle()
     d.key("F12")
-    d.app.input.on_resize(d.app.window, 333, 211)
+    d.app.input.window_events.on_resize(d.app.window, 333, 211)
     d.resize(*SIZE)
     assert np.array_equal(d.bare(), d.rendered())
 

@@ -215,7 +215,7 @@ class Driver:
         self.settle(2)
 
     def drop(self, *paths: Path) -> None:
-        self.app.input.on_drop(self.app.window, [str(path) for path in paths])
+        self.app.input.window_events.on_drop(self.app.window, [str(path) for path in paths])
 
     def canvas(self) -> np.ndarray:
         self.settle()

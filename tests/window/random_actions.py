@@ -164,7 +164,7 @@ class Monkey:
         if self.rng.random() < 0.9:
             d.app.input.on_key(d.app.window, key, 0, d.glfw.RELEASE, 0)
         else:
-            d.app.input.on_focus(d.app.window, 0)  # another window takes the keyboard
+            d.app.input.window_events.on_focus(d.app.window, 0)  # another window takes the keyboard
 
     def walk(self) -> None:
         self._press("G")
@@ -264,7 +264,7 @@ class Monkey:
         """Brings the window to the state in which memory is taken: the same each time.  counted: returns the OpenGL objects
         that exist while no scan is open, which takes most of a second."""
         d = self.d
-        d.app.input.on_focus(d.app.window, 0)
+        d.app.input.window_events.on_focus(d.app.window, 0)
         for _ in range(8):
             d.session.notices.message = None
             self._press("ESCAPE")

@@ -16,10 +16,11 @@ from ..kit.under_pointer import over_interface
 from ..session.session import Session
 from .after_typing import AfterTyping
 from .answers import Answers
+from .in_order import InOrder
 from .keyboard import Keyboard
 from .list_keys import list_is_open
 from .text_ahead import TextAhead
-from .text_chords import TextChords
+from .window_events import WindowEvents
 
 if TYPE_CHECKING:
     from ..kit.theme import Theme
@@ -61,7 +62,7 @@ class Input:
         self.pointer = (0.0, 0.0)
         self.after_typing = AfterTyping(host.imgui)
         self.text_ahead = TextAhead(host.imgui, self.after_typing)
-        self._text_chords = TextChords(host.imgui)
+        self._in_order = InOrder(host.imgui, self.after_typing, self.text_ahead)
         glfw = host.glfw
         self.keyboard = Keyboard(glfw)
         self._buttons: dict[int, Literal["left", "right", "middle"]] = {
@@ -73,6 +74,7 @@ class Input:
         self._modifiers = Modifiers()
         self._travelled = 0.0
         self._last_click = (-1.0, "", (0.0, 0.0))  # when, with which button, where
+        self.window_events = WindowEvents(host, self)
         self._connect()
 
     def _connect(self) -> None:
@@ -83,12 +85,7 @@ class Input:
         glfw.set_cursor_enter_callback(window, self.on_enter)
         glfw.set_mouse_button_callback(window, self.on_button)
         glfw.set_scroll_callback(window, self.on_scroll)
-        glfw.set_drop_callback(window, self.on_drop)
-        glfw.set_window_focus_callback(window, self.on_focus)
-        glfw.set_framebuffer_size_callback(window, self.on_resize)
-        glfw.set_window_content_scale_callback(window, self.on_scale)
-        glfw.set_window_close_callback(window, self.on_close)
-        glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
+        self.window_events.connect()
 
     # -- keyboard ----------------------------------------------------------------------------------------------------
 
@@ -100,13 +97,18 @@ class Input:
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods, key, action)
-        give = partial(self._give_key, key, scancode, action, mods)
+        give = partial(self._take_key, key, scancode, action, mods)
         chord = bool(mods & glfw.MOD_CONTROL)
-        if not chord and self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
-                                                   host.toolbox.text_coming, give):
-            return
         letter = self.keyboard.chord(key, scancode, action, mods)[0] if chord and action == glfw.PRESS else ""
-        if not self._text_chords.keeps(letter, self._modifiers.control, give):
+        if not self._in_order.keeps_key(letter, self._modifiers.control, give):
+            give()
+
+    def _take_key(self, key: int, scancode: int, action: int, mods: int) -> None:
+        """Gives a key at once, or to the text that is coming."""
+        give = partial(self._give_key, key, scancode, action, mods)
+        glfw, coming = self._host.glfw, self._host.toolbox.text_coming
+        if mods & glfw.MOD_CONTROL or not self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
+                                                                    coming, give):
             give()
 
     def _give_key(self, key: int, scancode: int, action: int, mods: int) -> None:
@@ -156,17 +158,20 @@ class Input:
             host.act(control.action)
 
     def on_char(self, _window, character: int) -> None:
+        give = partial(self._take_character, character)
+        if not self._in_order.keeps_key("", self._modifiers.control, give):
+            give()
+
+    def _take_character(self, character: int) -> None:
         give = partial(self._host.imgui.backends.glfw_char_callback, self._host.address, character)
-        if self.text_ahead.keeps_character(self._host.toolbox.text_coming, give):
-            return
-        if not self._text_chords.keeps("", self._modifiers.control, give):
+        if not self.text_ahead.keeps_character(self._host.toolbox.text_coming, give):
             give()
 
     def follow(self, *, drawn: bool) -> None:
         """Called in every turn of the loop.  drawn: as of AfterTyping."""
         self.text_ahead.follow(self._host.toolbox.text_coming)
-        self._text_chords.follow(drawn=drawn)
-        if self._text_chords:
+        self._in_order.follow(drawn=drawn)
+        if self._in_order:
             self._host.wake()
         self.after_typing.follow(drawn=drawn)
 
@@ -180,12 +185,17 @@ class Input:
             self._tool("leave")
 
     def on_pointer(self, _window, x: float, y: float) -> None:
+        self._host.wake()
+        give = partial(self._take_pointer, x, y)
+        if not self._in_order.keeps_pointer(self._modifiers.control, give, move=True):
+            give()
+
+    def _take_pointer(self, x: float, y: float) -> None:
         host = self._host
         host.imgui.backends.glfw_cursor_pos_callback(host.address, x, y)
         delta = (x - self.pointer[0], y - self.pointer[1])
         self.pointer = (x, y)
         self._travelled += abs(delta[0]) + abs(delta[1])
-        host.wake()
         over_interface = self._over_interface
         if over_interface:
             host.linger()
@@ -216,12 +226,19 @@ class Input:
 
     def on_button(self, _window, button: int, action: int, mods: int) -> None:
         host = self._host
-        glfw, session = host.glfw, host.session
+        glfw = host.glfw
         host.wake()
         host.answers.note()
         if action == glfw.PRESS:
-            session.flight.stop_glide()
+            host.session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods)
+        give = partial(self._take_button, button, action, mods)
+        if not self._in_order.keeps_pointer(self._modifiers.control, give):
+            give()
+
+    def _take_button(self, button: int, action: int, mods: int) -> None:
+        host = self._host
+        glfw, session = host.glfw, host.session
         over_interface = self._over_interface
         if action == glfw.RELEASE:
             self._held.discard(button)
@@ -254,6 +271,12 @@ class Input:
             self._tool("release", clicks=clicks)
         self._host.session.dragging_handle, self._button = False, ""
 
+    def release_all(self) -> None:
+        """Lets go of all keys and buttons, as the window has lost the keys."""
+        self._held.clear()
+        self.release_pointer()
+        self._host.session.let_go()
+
     def release_pointer(self) -> None:
         """Ends a drag that is under way."""
         self._host.toolbox.release(self._host.tools)
@@ -275,42 +298,14 @@ class Input:
         return session.view_settings.split and abs(x - at) <= grip and 0 <= y < session.area.size[1]
 
     def on_scroll(self, _window, dx: float, dy: float) -> None:
+        self._host.wake()
+        self._host.answers.note()
+        give = partial(self._take_scroll, dx, dy)
+        if not self._in_order.keeps_pointer(self._modifiers.control, give):
+            give()
+
+    def _take_scroll(self, dx: float, dy: float) -> None:
         host = self._host
-        host.wake()
-        host.answers.note()
         host.imgui.backends.glfw_scroll_callback(host.address, dx, dy)
         if not host.imgui.get_io().want_capture_mouse and host.session.scene is not None:
             self._tool("wheel", notches=dy)
-
-    # -- window ------------------------------------------------------------------------------------------------------
-
-    def on_close(self, window) -> None:
-        self._host.wake()
-        self._host.glfw.set_window_should_close(window, False)  # GLFW sets it before it tells
-        self.after_typing.do(self._host.request_close)
-
-    def on_drop(self, _window, paths: list[str]) -> None:
-        self._host.wake()
-        if not paths:
-            return
-        opening = partial(self._host.open, [Path(path) for path in paths])
-        if self.after_typing:  # an Esc that was pressed before does not cancel the loading
-            self.after_typing.do(opening)
-        else:
-            opening()
-
-    def on_focus(self, _window, focused: int) -> None:
-        self._host.wake()
-        self._host.imgui.backends.glfw_window_focus_callback(self._host.address, focused)
-        if not focused:
-            self._held.clear()
-            self.release_pointer()
-            self._host.session.let_go()
-
-    def on_resize(self, _window, width: int, height: int) -> None:
-        self._host.wake()
-        self._host.session.resize((width, height))
-
-    def on_scale(self, _window, _x: float, _y: float) -> None:
-        self._host.theme.rescale(self._host.interface_scale())
-        self._host.wake()

@@ -25,6 +25,10 @@ class TextAhead:
         self._taken = 0  # turns for which a text has had the keys
         self._pressed: set[str] = set()
 
+    def __bool__(self) -> bool:
+        """Whether a key waits."""
+        return bool(self._kept)
+
     @property
     def _typing(self) -> bool:
         return self._imgui.get_io().want_text_input and not self._clicks.behind_click
