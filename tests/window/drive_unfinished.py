@@ -45,7 +45,8 @@ def check_scans_whose_names_are_not_utf_8_are_shown_listed_and_saved(p: Person, 
     for name, away in zip(names, (0.0, 6.0), strict=True):
         write_ply(odd / name, away)
     p.d.drop(odd)
-    p.d.until(lambda: session.scene is not None and len(session.shown_scan.paths) == 2)
+    p.d.until(lambda: session.scene is not None and session.loads.current is None
+              and sorted(path.name for path in session.shown_scan.paths) == sorted(names))
     p.d.rest()
     p.key("o")
     p.listed()
