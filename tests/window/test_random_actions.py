@@ -18,7 +18,8 @@ MOST_RESIDENT, MOST_IN_USE = 24.0, 8.0
 while what is imported or cached once (matplotlib with the first plot, scratch memory of torch) is a single jump.
 That closed scans are freed is claimed by itself (checks_outputs.check_a_closed_scan_is_freed)."""
 MOST_OBJECTS = 3.0
-"""Blocks of Python's memory an action, in the median interval: undo steps, names of files, statistics of frames."""
+"""Blocks of Python's memory an action: undo steps, names of files, statistics of frames.  Of five intervals the second smallest
+growth is judged: with ten actions in each, three of them may be the first to use a module or a table.  A leak is in all."""
 CACHED = 120.0
 """Blocks of an interval that are caches' own, however many actions it has."""
 MOST_JUMPS = 150.0
@@ -48,6 +49,7 @@ def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(thin_
     for key, most, unit in (("resident", MOST_RESIDENT, "MB"), ("in_use", MOST_IN_USE, "MB"),
                             ("objects", MOST_OBJECTS * actions / INTERVALS + CACHED, "blocks")):
         if key in grown:
-            assert np.median(grown[key]) < most, f"{key}: {np.median(grown[key]):.1f} {unit} more in the median interval"
+            least = np.median(grown[key]) if key != "objects" else np.sort(grown[key])[1]
+            assert least < most, f"{key}: {least:.1f} {unit} more in most intervals, of {grown[key]}"
     if "in_use" in grown:
         assert counted[-1]["in_use"] - counted[0]["in_use"] < MOST_JUMPS
