@@ -20,8 +20,8 @@ That closed scans are freed is claimed by itself (checks_outputs.check_a_closed_
 MOST_OBJECTS = 3.0
 """Blocks of Python's memory an action: undo steps, names of files, statistics of frames.  Of five intervals the second smallest
 growth is judged: with ten actions in each, three of them may be the first to use a module or a table.  A leak is in all."""
-CACHED = 120.0
-"""Blocks of an interval that are caches' own, however many actions it has."""
+CACHED = 300.0
+"""Blocks of an interval that are caches' own, however many actions it has: intervals of ten actions had 40 to 250."""
 MOST_JUMPS = 150.0
 """MB in use that all single jumps together may add."""
 LAZY = 4

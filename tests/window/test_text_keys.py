@@ -50,8 +50,8 @@ def test_a_click_within_the_frame_of_the_keys_before_it_takes_none_of_them_from_
         window.keys("l")
         written(window, scan, "abc")
         window.rest()
-        within_one_frame(window, ("key", "ctrl+a"), ("type", "--delay", "5", "2 drawings"), ("mousemove", *LINK), ("click", "1"),
-                         ("key", "ctrl+a"), ("type", "--delay", "5", "https://a.b"))
+        within_one_frame(window, ("key", "ctrl+a"), ("type", "--delay", "5", "2 drawings"), ("mousemove", *LINK),
+                         ("click", "1"), ("key", "ctrl+a"), ("type", "--delay", "5", "https://a.b"))
         until(lambda: [(note.text, note.link) for note in notes_of(scan)] == [("2 drawings", "https://a.b")], "both texts")
         window.rest()
         within_one_frame(window, ("type", "--delay", "5", "/c2"), ("mousemove", "700", "470"), ("click", "1"))
