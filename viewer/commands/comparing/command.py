@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "mesh (glTF, OBJ, STL, IFC, PLY with faces): the points of the scan get signed distances from it")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help=f"folder for {FILES[0]} (points of AFTER with distance and uncertainty), {FILES[1]} (statistics, "
-                             f"histogram) and {FILES[2]}")
+                             f"histogram) and {FILES[2]}; the window and pages have the same distances of coordinates rounded "
+                             "to the grid, whose last digits may differ")
     texts = "; ".join(f"{name}: {text}" for name, text in METHODS.items())
     parser.add_argument("--method", choices=list(METHODS), default="m3c2", help=f"{texts} (default m3c2)")
     parser.add_argument("--registration", type=float, metavar="E",

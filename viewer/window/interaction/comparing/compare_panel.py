@@ -155,6 +155,9 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
             ui.set_tooltip("it covers the points behind its surfaces")
     if found.known:
         ui.text_wrapped(f"median {found.median:.3g}, sd {found.sd:.3g} {unit}; unsure by {found.uncertainty:.3g} (95 %)")
+        if ui.is_item_hovered() and context.scene is not None:
+            ui.set_tooltip(f"of the points as they are shown, coordinates rounded to {context.scene.step:.2g} {unit}:\n"
+                           "Export and `pointglass compare` read the files, and the last digits may differ")
     for line in change_words(found):
         ui.text_wrapped(line)
     shares = found.bins[1:-1].astype(np.float32)
