@@ -1,6 +1,7 @@
 """The folder that ``--photos`` names, read for a renderer."""
 
 import logging
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -26,14 +27,20 @@ class UnplacedFolder:
 
 
 def photographs_of_folder(settings: "Settings") -> "Photographs | None":
-    """The photographs of the folder that the settings name; None where they name none.  Raises InputError."""
+    """The photographs of the folder that the settings name; None where they name none.  Those without cameras that cannot be
+    read are left out and named.  Raises InputError where none is left."""
     if settings.photos in ("auto", "off"):
         return None
-    from ..work.pictures.photo_folder import photographs_in, without_cameras
+    from ..work.pictures.photo_folder import decodable, photographs_in, without_cameras
 
     folder = Path(settings.photos)
     if paths := without_cameras(folder):
-        return UnplacedFolder(folder, tuple(paths))
+        kept, errors = decodable(paths)
+        if not kept:
+            raise InputError(f"holds no photograph that can be read; of the first: {errors[0]}", file=folder)
+        for error in errors:
+            _log.warning("%s; left out", error)
+        return UnplacedFolder(folder, tuple(kept))
     return photographs_in(folder)
 
 
@@ -54,9 +61,11 @@ def _placed(renderer: "Renderer", unplaced: UnplacedFolder) -> "list[PosedPhotog
     search, placed = PhotoSearch(renderer, Document()), []
     for path in unplaced.paths:
         found = search.find(of_file(path))
-        _log.warning("%s", told(found, str(path)))
         if isinstance(found, PlacedPhotograph):
             placed.append(posed(found))
+            print(f"pointglass: {told(found, str(path))}", file=sys.stderr)
+        else:
+            _log.warning("%s", told(found, str(path)))
     if not placed:
         raise InputError("where its photographs were taken was not found in the scan", file=unplaced.folder,
                          remedy="add transforms.json or a COLMAP model in the scan's coordinates")

@@ -21,6 +21,9 @@ _FIRST_LINE, _NEXT_LINE = 10.0, 5.0
 """Seconds until the first line in a pipe, so that short work is silent, and between lines.  A person attends to a task without
 an answer for 10 s (Nielsen 1993).  Lines come with updates: half of that between them keeps the limit where an update takes 5
 s."""
+_TELLING = 3
+"""Updates after the first, from which the time left is told; one where a tenth is done.  The first is left out of the speed:
+shaders and loops are compiled in it, and 119 views of 1 s each seemed to take two hours."""
 _local = threading.local()
 
 
@@ -40,10 +43,16 @@ class Progress:
         self._bar, self._sink, self._unit, self._said = bar, sink, unit, ""
         self._start = monotonic()
         self._next_line = self._start + _FIRST_LINE
+        self._first: tuple[float, int] | None = None  # when the first update came, and what was done then
+        self._updates = 0  # after the first
 
     def update(self, n: int) -> None:
         """Adds ``n`` finished units.  Raises Cancelled if the sink asks to stop."""
         self.done += int(n)
+        if self._first is not None:
+            self._updates += n > 0
+        elif self.done:
+            self._first = monotonic(), self.done
         if self._bar is not None:
             self._bar.update(int(n))
         self._ask()
@@ -80,9 +89,17 @@ class Progress:
         if not 0 < self.done < self.total:
             counts = f": {self.done:,}{unit}" if self.done else ""
             return printable(f"{self._label()}{counts}, {duration_text(seconds)} so far")
-        left = duration_text(seconds * (self.total - self.done) / self.done)
+        left = self._left()
+        times = f"{duration_text(seconds)} so far" if left is None else f"about {duration_text(left)} left"
         share = 100 * self.done // self.total
-        return printable(f"{self._label()}: {self.done:,} of {self.total:,}{unit} ({share} %), about {left} left")
+        return printable(f"{self._label()}: {self.done:,} of {self.total:,}{unit} ({share} %), {times}")
+
+    def _left(self) -> float | None:
+        """Seconds, at the speed since the first update; None where that is not known well enough."""
+        if self._first is None or self._updates < (1 if 10 * self.done >= self.total else _TELLING):
+            return None
+        since, done = self._first
+        return (monotonic() - since) * (self.total - self.done) / (self.done - done)
 
 
 def duration_text(seconds: float) -> str:

@@ -29,7 +29,7 @@ def jpeg(photo, focal: float | None = None) -> bytes:
 
 
 @pytest.mark.usefixtures("own_cache")
-def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, monkeypatch):
+def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, monkeypatch, capsys):
     monkeypatch.setattr(e57_photo_files, "paint", e57_photo_files.patches)
     taken = tmp_path / "taken"
     taken.mkdir()
@@ -39,6 +39,7 @@ def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, m
         (taken / f"{name}.jpg").write_bytes(jpeg(photo, 420.0 if name == "one" else None))
     noise = np.random.default_rng(3).integers(0, 255, (60, 80, 3), dtype=np.uint8)
     Image.fromarray(noise).resize((640, 480)).save(taken / "elsewhere.png")
+    (taken / "a.jpg").write_text("no picture")
     scan = write_photos(tmp_path / "room.e57", [], *room_points(400_000))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn(0.5)[0], np.array((0.2, 0.2, 0.1)) + AWAY
@@ -59,8 +60,19 @@ def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, m
         matrix = np.array(one.camera_to_world)
         turned = np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3].T @ turn(yaw, 0.1)[0]) - 1) / 2, -1, 1)))
         assert np.linalg.norm(matrix[:3, 3] - AWAY - place) < 0.06 and turned < 0.5 and abs(one.focal / 420 - 1) < 0.05
-    assert "elsewhere.png: where it was taken was not found" in caplog.text and "residual" in caplog.text
+    assert "elsewhere.png: where it was taken was not found" in caplog.text and "residual" not in caplog.text
+    said = capsys.readouterr().err
+    assert said.count("one.jpg: taken at") == 1 and "residual" in said  # no warning
+    assert "a.jpg is neither JPEG nor PNG (first bytes b'no p'); export it again; left out" in caplog.text
     assert (np.asarray(Image.open(tmp_path / "out" / "here.provenance.png")) == 4).mean() > 0.1
     monkeypatch.setattr(photo_search.PhotoSearch, "_rendered", None)  # what was found is kept
     assert main([*arguments, "--out", str(tmp_path / "again")]) == 0
     assert (tmp_path / "again" / "here.png").read_bytes() == (tmp_path / "out" / "here.png").read_bytes()
+    for name in places:
+        (taken / f"{name}.jpg").unlink()
+    (taken / "elsewhere.png").unlink()
+    for left, text in (("a.jpg", "holds no photograph that can be read"), (None, "holds no photographs: no JPEG or PNG")):
+        if left is None:
+            (taken / "a.jpg").unlink()
+        assert main([*arguments, "--out", str(tmp_path / "never")]) == 2
+        assert text in capsys.readouterr().err and not (tmp_path / "never").exists()

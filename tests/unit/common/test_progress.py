@@ -29,6 +29,17 @@ def test_long_work_writes_a_line_every_few_seconds(clock, capsys):
     assert len(lines) == 19 and all(line.startswith("pointglass: rendering: ") for line in lines)
 
 
+def test_the_time_left_is_told_when_the_speed_is_known_and_without_what_is_done_once(clock, capsys):
+    with progress(119, "rendering", "view") as meter:
+        for seconds in (62.0, 6.0, 6.0, 6.0, 1.0):
+            clock[0] += seconds
+            meter.update(1)
+        meter.update(0)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "pointglass: rendering: 1 of 119 views (0 %), 1 min 2 s so far" and "left" not in lines[1] + lines[2]
+    assert lines[3] == "pointglass: rendering: 4 of 119 views (3 %), about 11 min 30 s left"
+
+
 def test_short_work_is_silent(clock, capsys):
     with progress(10, "rendering", "picture") as meter:
         for _ in range(10):

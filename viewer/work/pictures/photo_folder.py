@@ -1,16 +1,21 @@
 """Photographs in a folder with their cameras: nerfstudio's transforms.json, COLMAP, and ScanNet++'s layout of both."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ...common.errors import InputError, Option
+from ...common.progress import progress
 from ...readers.decoded_picture import decoded_picture
+from ...readers.photographs.placed_photographs import bytes_of
 from ...readers.photographs.posed_photograph import PosedPhotograph
 from ..cameras.camera_files import CAMERA_FORMATS, read_cameras
 
 PHOTO_ENDINGS = (".jpg", ".jpeg", ".png")
+_TRIED = 64
+"""Pixels: a JPEG is decoded at an eighth of its size then."""
 _OTHERS = ("mask", "depth", "semantic", "normal", "thumb")
 """Parts of the names of folders whose pictures are no photographs but are named like them."""
 
@@ -36,9 +41,28 @@ def photographs_in(folder: Path) -> list[PosedPhotograph]:
 
 def without_cameras(folder: Path) -> list[Path]:
     """The JPEG and PNG files of a folder that has no file of cameras; empty where it has one.  Raises InputError where there is
-    no such folder."""
+    no such folder, or nothing of both in it."""
     found = _pictures(folder)
-    return [] if any(row.place(folder) is not None for row in CAMERA_FORMATS) else found
+    if any(row.place(folder) is not None for row in CAMERA_FORMATS):
+        return []
+    if not found:
+        raise InputError("holds no photographs: no JPEG or PNG, and no cameras", file=folder,
+                         remedy="name a folder of photographs, with or without transforms.json or a COLMAP model")
+    return found
+
+
+def decodable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
+    """The pictures that can be decoded, tried at a small size, and why the others cannot.  Reports progress."""
+    kept, errors = [], []
+    with progress(len(paths), "checking photographs", "photograph") as meter:
+        for path in paths:
+            try:
+                decoded_picture(bytes_of(path), str(path), _TRIED)
+                kept.append(path)
+            except InputError as error:
+                errors.append(error)
+            meter.update(1)
+    return kept, errors
 
 
 def _pictures(folder: Path) -> list[Path]:
@@ -54,11 +78,7 @@ def _pictures(folder: Path) -> list[Path]:
 
 
 def _decode(path: Path, size: tuple[int, int], longest: int) -> tuple[np.ndarray, None]:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
-    picture, full = decoded_picture(data, str(path), longest)
+    picture, full = decoded_picture(bytes_of(path), str(path), longest)
     if full != size:
         raise InputError(f"has {full[0]}x{full[1]} pixels, its camera {size[0]}x{size[1]}", file=path)
     return picture, None

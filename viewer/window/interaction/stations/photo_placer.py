@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, of_file, of_scan, told
-from ....common.errors import PointglassError
+from ....common.errors import InputError, PointglassError
 from ....common.text import counted
 from ....picture.photographs.placed_photograph import PlacedPhotograph
 from ....readers.e57.e57_photographs import StationPhoto
@@ -148,9 +148,23 @@ def _searched(scene: "Scene", document: "Document", photographs: list[UnplacedPh
         try:
             search = PhotoSearch(renderer, document)
             search.views = views
-            found = [(photo.name, search.find(photo)) for photo in photographs]
+            found = [(photo.name, _found(search, photo, alone=len(photographs) == 1)) for photo in photographs]
             return scene, search.views, found
         finally:
             renderer.release()
     finally:
         context.release()
+
+
+def _found(search: PhotoSearch, photo: UnplacedPhotograph, *, alone: bool) -> "PlacedPhotograph | NotFound":
+    """Of several photographs, one that is damaged does not stop the others."""
+    from ....work.photo_poses.picture_features import opencv
+    from ....work.photo_poses.pose_search import NotFound
+
+    try:
+        return search.find(photo)
+    except InputError as error:
+        if alone:
+            raise
+        opencv()  # raises where that is what is missing
+        return NotFound(str(error))
