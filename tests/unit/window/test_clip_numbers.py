@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pointglass.viewer.picture.clip import Box, Slab, contains, vector
-from pointglass.viewer.window.interaction.clipping.clip_numbers import AXES, SIDES, draw_numbers, with_centre, with_size
+from pointglass.viewer.window.interaction.clipping.clip_numbers import ClipNumbers, with_centre, with_size
 from pointglass.viewer.window.interaction.clipping.clip_tool import turned
 from pointglass.viewer.window.kit.sliders import number_input
 
@@ -29,13 +29,25 @@ def test_a_typed_coordinate_moves_along_one_axis_of_the_file_to_the_last_digit()
     assert with_centre(slab, 0, 691234.5678).centre == (691234.5678, 2.0, 3.0)
 
 
-@pytest.mark.parametrize("typed", [float("nan"), float("inf"), -1.0, 0.0])
-def test_no_number_and_no_size_change_nothing(typed):
-    stored, ui = [], MagicMock()
+@pytest.mark.parametrize(("typed", "centre", "side", "said"), [
+    (np.nan, None, None, ("x nan: expected a number; it stays as it was", "width nan: expected a size above 0")),
+    (-1.0, -1.0, None, ("", "width -1: expected a size above 0; it stays as it was")),
+    (0.0, 0.0, None, ("", "width 0: expected a size above 0")),
+    (1e30, 44.0, 80.0, ("x 1e+30 is limited to 44: 10 times the scan's extent", "width 1e+30 is limited to 80")),
+    (-np.inf, -40.0, None, ("x -inf is limited to -40", "width -inf: expected a size above 0")),
+])  # fmt: skip
+def test_what_is_no_number_or_far_beyond_the_scan_is_limited_and_said_when_its_field_is_left(typed, centre, side, said):
+    ui, numbers, lines, stored = MagicMock(), ClipNumbers(), [], {}
     ui.input_double.return_value = (True, typed)
-    draw_numbers(ui, Box((7.0, 7.0, 7.0), (1.0, 1.0, 1.0)), 3, lambda *given: stored.append(given[2]))
-    assert [call.args[0] for call in ui.input_double.call_args_list] == [f"##{name}" for name in AXES + SIDES]
-    assert stored == (list(AXES) if np.isfinite(typed) else [])
+    for left in (False, True):
+        assert not lines  # the letters before the last are numbers, too
+        ui.is_item_deactivated_after_edit.return_value = left
+        numbers.draw(ui, Box((7.0, 7.0, 7.0), (1.0, 1.0, 1.0)), 3, np.array([[0.0] * 3, [4.0] * 3]),
+                     lambda what, clip, field: stored.update({field: clip}), lines.append)
+    for name, text in zip(("x", "width"), said, strict=True):
+        assert [line for line in lines if line.startswith(f"{name} ")] == [line for line in lines if text and text in line]
+    assert (stored["x"].centre[0] if "x" in stored else None) == centre
+    assert (2 * stored["width"].half[1] if "width" in stored else None) == side
 
 
 @pytest.mark.parametrize(("read", "expected"), [(1.235, 1.23456789), (1.2354, 1.2354), (1.2345678, 1.2345678), (2.0, 2.0)])

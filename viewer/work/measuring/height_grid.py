@@ -36,6 +36,8 @@ _CELLS = 250_000
 """Cells of the largest grid; 0.3 s on one core."""
 _PARTS = 4
 """Parts of a cell's side, for the share of the cell inside the polygon."""
+_MOST_EMPTY = 0.9
+"""Share of a box without points, above which a volume would say where the box ends and not what is in it."""
 _FEWEST = 30
 """Points of a volume at least."""
 
@@ -93,6 +95,9 @@ def volume_in_box(in_box: InBox, box: Box, spacing: float, up: np.ndarray, round
         kept = ~(below & inner[cells])
         places, above = places[kept], np.where(below, 0.0, above)[kept]
         found = _volume_above(seen, base, rounding / np.sqrt(12.0), places, above, spacing, steps)
+    if found.empty > _MOST_EMPTY:
+        raise InputError(f"{found.empty:.0%} of the box has no points, seen from above",
+                         remedy="draw it around what is to be measured")
     net = replace(found, fill=0.0, fill_uncertainty=0.0, uncertainty=found.cut_uncertainty, in_box=True)
     return net, corners
 

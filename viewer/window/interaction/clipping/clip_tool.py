@@ -11,12 +11,11 @@ import numpy as np
 from ....picture.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
 from ....work.document import replaced, unique_name, without
 from ...kit import icons
-from ...kit.sliders import number_input
 from ..editing import edit, end, metres_per_unit, unit_of
 from ..outline import Group, Row
 from ..tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 from .box_volume import BoxVolume
-from .clip_numbers import draw_numbers
+from .clip_numbers import ClipNumbers, size_limits
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
@@ -131,6 +130,7 @@ class ClipTool(Tool):
         self._dragged: Clip | None = None  # the clip as the drag has left it
         self._gesture = 0
         self.volume = BoxVolume()
+        self._numbers = ClipNumbers()
 
     def _clip(self, context: ToolContext) -> Clip | None:
         clips = context.document.clips
@@ -267,13 +267,14 @@ class ClipTool(Tool):
         if changed:
             self._store(context, f"Invert {clip.name}", replace(clip, removes=removes))
         if isinstance(clip, Slab):
-            ui.set_next_item_width(-1)
-            changed, thickness = number_input(ui, "##thickness", clip.thickness, f"%.4g {unit_of(context)} thick")
-            if changed and np.isfinite(thickness) and thickness > 0:
+            thickness = self._numbers.typed(ui, "thickness", clip.thickness, f"%.4g {unit_of(context)} thick",
+                                            size_limits(extent_of(context)), context.toast)
+            if thickness is not None:
                 self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=thickness), "thickness")
         metres = metres_per_unit(context)
-        draw_numbers(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3,
-                     lambda what, typed, field: self._store(context, what, typed, ("typed", field)))
+        assert context.scene is not None
+        self._numbers.draw(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3, context.scene.bounds,
+                           lambda what, typed, field: self._store(context, what, typed, ("typed", field)), context.toast)
         for degrees in (-15.0, 15.0):
             if ui.button(f"turn {degrees:+.0f}°"):
                 self._store(context, f"Turn {clip.name}", turned(clip, degrees, np.array(context.document.up)))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....picture.clip import Box, Vector, vector
-from ..clipping.clip_numbers import draw_numbers
+from ..clipping.clip_numbers import ClipNumbers
 from ..clipping.clip_tool import EDGES, GRIP, along_axis, extent_of, handles, with_face_moved
 from ..tool import PointerEvent, ToolContext
 
@@ -22,6 +22,7 @@ class BoxHandles:
 
     def __init__(self) -> None:
         self.box: Box | None = None
+        self._numbers = ClipNumbers()
         self._face: int | None = None
         self._grabbed = 0.0
         self._start: Box | None = None
@@ -68,10 +69,10 @@ class BoxHandles:
         for number, (place, _) in enumerate(handles(self.box)):
             overlay.marker(place, "accent" if number == self._face else "warn", 7.0, "diamond")
 
-    def panel(self, ui: Any, places: int) -> None:
+    def panel(self, ui: Any, places: int, context: ToolContext) -> None:
         """Its numbers.  places: decimals."""
-        if self.box is not None:
-            draw_numbers(ui, self.box, places, self._typed)
+        if self.box is not None and context.scene is not None:
+            self._numbers.draw(ui, self.box, places, context.scene.bounds, self._typed, context.toast)
 
     def _typed(self, _what: str, clip: Any, _field: str) -> None:
         self.box = clip

@@ -89,7 +89,7 @@ class SelectPanel:
     def _box(self, ui: Any, context: ToolContext) -> None:
         tool = self._tool
         metres = metres_per_unit(context)
-        tool.box.panel(ui, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3)
+        tool.box.panel(ui, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3, context)
         ui.begin_disabled(tool.box.box is None)
         if ui.button("Select inside"):
             tool.finish(context)
