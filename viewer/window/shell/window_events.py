@@ -3,16 +3,43 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
+
+from ..session.session import Session
+from .after_typing import AfterTyping
 
 if TYPE_CHECKING:
-    from .input import Host, Input
+    from ..kit.theme import Theme
+
+
+class Owner(Protocol):
+    """What the callbacks need of the owner of the window.  window: GLFW's handle.  address: the same as a number."""
+
+    glfw: Any
+    imgui: Any
+    window: Any
+    address: int
+    session: Session
+    theme: "Theme"
+
+    def wake(self) -> None: ...
+    def request_close(self) -> None: ...
+    def open(self, paths: list[Path]) -> None: ...
+    def interface_scale(self) -> float: ...
+
+
+class Events(Protocol):
+    """What they need of the events of keys and mouse."""
+
+    after_typing: AfterTyping
+
+    def release_all(self) -> None: ...
 
 
 class WindowEvents:
     """The callbacks of one window.  events: those of its keys and its mouse."""
 
-    def __init__(self, host: "Host", events: "Input"):
+    def __init__(self, host: Owner, events: Events):
         self._host, self._events = host, events
 
     def connect(self) -> None:
