@@ -30,6 +30,8 @@ ALL_STOPS = (*STOPS, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 _PROC = Path("/proc")
 _REPLACE_S = 2.0
 """Seconds during which Windows is asked again to rename: scanners for viruses open new files for a moment.  Not measured."""
+_KILLED_S = 2.0
+"""Seconds in which processes that are killed must end: the system frees their memory first."""
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -207,6 +209,10 @@ def end_processes(children: Iterable[int], seconds: float) -> None:
     for pid in left:
         with contextlib.suppress(OSError):
             os.kill(pid, signal.SIGKILL)
+    deadline = time.monotonic() + _KILLED_S
+    while left and time.monotonic() < deadline:  # its locks say that its files are in use until it is gone
+        left = [pid for pid in left if not _ended(pid)]
+        time.sleep(0.01 if left else 0.0)
 
 
 def _ended(pid: int) -> bool:
