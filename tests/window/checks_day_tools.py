@@ -51,7 +51,7 @@ def typed(p: Person, label: str, number: str) -> None:
     """Types a number in the place of that of a field."""
     p.click(label)
     p.key("ctrl+a")
-    xdo("type", "--delay", 8, number)
+    xdo("type", "--delay", 8, "--", number)
     p.d.settle(8)
     p.key("Return")
     p.d.settle(4)
@@ -73,6 +73,12 @@ def check_the_volume_in_a_clip_box_of_typed_numbers_is_measured(p: Person, folde
     p.key("Tab")  # visited, not typed in
     p.d.settle(4)
     assert session.document.clips == (box,), "digits that a field does not show"
+    for number, part in (("-4", "expected a size above 0; it stays as it was"), ("1e30", "is limited to")):
+        typed(p, "##width", number)
+        p.d.until(lambda wanted=part: any(wanted in toast.text for toast in session.notices.toasts))
+    assert 3.2 < session.document.clips[0].half[1] < 41, session.document.clips
+    typed(p, "##width", "3.2")
+    assert session.document.clips == (box,)
     p.click("Measure the volume in it")
     p.d.until(lambda: session.document.measurements)
     (made,) = session.document.measurements
