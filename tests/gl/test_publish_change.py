@@ -43,6 +43,8 @@ def test_a_comparison_is_the_second_view_with_its_legend(published):
         assert figure.size[0] > 600 and np.ptp(np.asarray(figure.convert("L"))) > 200
     down = base64.b64decode(value_of(site / "places" / "000.second.js")["pictures"][5])
     shown = np.asarray(Image.open(io.BytesIO(down)).convert("RGB"), int)
+    gaps = shown[330:400, 130:430].max(axis=2) < 60
+    assert gaps.mean() < 0.01, "discs close the floor"
     red, floor = shown[..., 0] - shown[..., 2] > 20, shown.min(axis=2) > 150
     assert 0.003 < red.mean() < 0.1 and floor.mean() > 0.02  # the box that came, and what stayed
     write_project(project.with_name("none.pointglass"), replace(document, comparison=None))
@@ -59,8 +61,12 @@ def test_the_page_shows_the_legend_beside_the_handle(published, tmp_path):
         legend = "document.getElementById('change')"
         assert page.value(f"{legend}.hidden")
         page.key("v")
-        page.until(f"window.pointglass.view.second === 0.5 && !{legend}.hidden && {legend}.firstChild.naturalWidth > 600")
+        page.until(f"window.pointglass.view.second === 0.5 && !{legend}.hidden")
+        page.until("document.getElementById('change-picture').naturalWidth > 600")
         assert page.value("document.getElementById('left').textContent") == "change"
+        assert page.value("document.getElementById('compare').title").endswith("after.xyz compared with before.xyz (V)")
+        box = "document.getElementById('%s').getBoundingClientRect()"
+        assert page.value(f"{box % 'change'}.left > {box % 'plan'}.right"), "the plan is not covered"
         page.key("v")
         page.until(f"{legend}.hidden")
         assert not page.complaints

@@ -14,12 +14,15 @@ import numpy as np
 
 from ...picture.background import composite
 from ...picture.camera import Camera, from_fov, look_at
+from ...picture.look import MOST_POINT_SIZE
+from ...picture.point_sets import LEFT_OUT
 from ...picture.spec import PictureSpec
 from ...work.places.up_axis import upright_axes
 from .depth_codes import DepthScale
 from .face_margins import blended, with_margin
 
 if TYPE_CHECKING:
+    from ...grid.scene import Scene
     from ...picture.point_sets import PointLevels
     from ...render.described_picture import Composer
     from ...render.renderer import Renderer
@@ -38,6 +41,9 @@ _HORIZON = 15.0
 """Degrees above and below the horizon in which depths count for the first heading."""
 _SECTOR = 70.0
 """Degrees of its width: of what a window shows."""
+DISC, _NEAREST = 2.0, 5.0
+"""Diameter of a disc in spacings: so large ones cover 1 - exp(-pi) = 96 % of a surface of random points; and the percentile of
+depths at which they do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +74,8 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
                  depth_side: int, second: str | None, changes: "PointLevels | None" = None) -> PlaceFaces:
     """The faces of a place.  spec: view, settings, edits and background; its camera is not looked at.  side: of ``pictures``, a
     multiple of ``depth_side``.  second: a view without the network.  changes: levels of the points, with which alone the
-    second view is drawn, filtered.  Raises DeviceError."""
+    second view is drawn, filtered, in discs that close the gaps between them: distances are never filled in.  Raises
+    DeviceError."""
     from ...render.described_picture import render
 
     wide, others, depths, masks = [], [], [], []
@@ -82,20 +89,34 @@ def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, 
         depth, measured = composer.surface(frame, one)
         depths.append(depth)
         masks.append(measured)
-        shown = None
-        if changes is not None:
-            shown = replace(one, settings=replace(spec.settings, view="filtered"), views=("filtered",),
-                          edits=replace(spec.edits, changes=changes))
-            frame = render(renderer, shown)
-        elif second is not None:
-            shown = replace(one, views=(second,))
-        if shown is not None:
-            others.append(composite(composer.images(frame, shown)[0], spec.background))
+        if second is not None and changes is None:
+            one = replace(one, views=(second,))
+            others.append(composite(composer.images(frame, one)[0], spec.background))
     stacked = np.stack(depths)
+    if changes is not None:
+        look = replace(spec.edits.look, point_size=_disc_size(stacked, _spacing(renderer.scene, changes)))
+        edits = replace(spec.edits, changes=changes, look=look)
+        for camera in small:
+            one = replace(spec, camera=camera, settings=replace(spec.settings, view="filtered"), views=("filtered",),
+                          edits=edits)
+            others.append(composite(composer.images(render(renderer, one), one)[0], spec.background))
     scale = DepthScale.of(stacked)
     whole = blended(wide, large)
     return PlaceFaces(whole, reduced(whole, side // depth_side), np.stack(others) if others else None, scale.codes(stacked),
                       np.stack(masks), scale)
+
+
+def _spacing(scene: "Scene", changes: "PointLevels") -> float:
+    """File units between neighbours among the points that have a level, where the others lie on the same surfaces."""
+    share = float((changes.levels != LEFT_OUT).mean())
+    return scene.spacing / max(share, 1e-6) ** 0.5
+
+
+def _disc_size(depths: np.ndarray, spacing: float) -> int:
+    """Pixels of discs that cover a surface of points at random places, so far apart in the scan, at the nearest depths."""
+    seen = depths[depths > 0]
+    near = float(np.percentile(seen, _NEAREST)) if seen.size else np.inf
+    return int(np.clip(np.ceil(DISC * spacing * depths.shape[1] / (2 * near)), 1, MOST_POINT_SIZE))
 
 
 def open_heading(faces: PlaceFaces) -> float:

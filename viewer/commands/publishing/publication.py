@@ -39,7 +39,7 @@ from ...picture.point_sets import NO_POINTS
 from ...picture.spec import PictureSpec
 from ..comparing.published_change import CHANGE, published_change
 from .coming_files import ComingFiles
-from .cube_faces import PlaceFaces, face_cameras, open_heading, render_place
+from .cube_faces import DISC, PlaceFaces, face_cameras, open_heading, render_place
 from .data_scripts import base64_text, comment_of, script, webp_bytes
 from .depth_codes import packed_depth
 from .face_margins import BAND, MARGIN
@@ -184,7 +184,7 @@ class Publication:
             "quality": [_FIRST_QUALITY, _FULL_QUALITY, _SECOND_QUALITY, FIRST_STRIDE], "edges": [MARGIN, BAND],
         }  # fmt: skip
         if self.form.second == CHANGE:
-            made_of["comparison"] = to_json(self.document.comparison)
+            made_of["comparison"] = [to_json(self.document.comparison), DISC]
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
     def _finished(self, number: int) -> dict[str, Any] | None:

@@ -181,11 +181,13 @@ function handle(view: View): void {
   const bar = by("handle"), { second } = view.scene;
   const { change } = view.scene, legend = by("change");
   by("compare").hidden = second === null;
+  by("compare").title = `Compare with the ${second === "raw" ? "points" : `${second} view`} (V)`;
   if (change) {
-    const picture = by<HTMLImageElement>("change-picture");
-    picture.src = `data:image/png;base64,${change.picture}`;
-    picture.alt = change.text;
-    by("compare").title = "Compare with the distances of the two scans (V)";
+    const [what, ...lines] = change.text.split("\n");
+    by("change-what").textContent = what;
+    by("change-text").textContent = lines.join("\n");
+    by<HTMLImageElement>("change-picture").src = `data:image/png;base64,${change.picture}`;
+    by("compare").title = `Compare with the distances: ${what} (V)`;
   }
   const set = (share: number) => {
     view.second = Math.min(Math.max(share, 0), 1);
