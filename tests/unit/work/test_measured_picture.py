@@ -5,7 +5,7 @@ import pytest
 
 from pointglass.viewer.picture.camera import Camera, look_at
 from pointglass.viewer.picture.clip import vector
-from pointglass.viewer.picture.drawn_lines import clipped, in_front, label_places
+from pointglass.viewer.picture.drawn_lines import clipped, in_front, label_places, leader
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.notes.annotation import Annotation
 from pointglass.viewer.work.pictures.drawn_over import with_shapes
@@ -95,6 +95,21 @@ def test_a_part_of_a_line_is_that_which_a_plain_sampling_finds(seed):
             assert np.abs(np.sort(ends, axis=0) - np.sort(np.array(part), axis=0)).max() < 4 * steps
             shown += 1
     assert shown > 10
+
+
+def test_a_label_without_a_line_is_nearest_to_its_own_mark(seed):
+    random = np.random.default_rng(seed)
+    lines = 0
+    for _ in range(20):
+        places, ends = random.uniform(100, 220, (6, 2)), random.uniform(100, 220, (4, 2))
+        found = label_places(places, np.ones(6), [(60.0, 20.0)] * 6, 10.0, (0.0, 0.0, 640.0, 400.0), 4.0, (), (1.0, 2.5), ends)
+        for number, at in found.items():
+            end = leader(places[number], at, (60.0, 20.0), 10.0, [*places, *ends])
+            lines += end is not None
+            low = np.array(at)
+            away = [np.hypot(*np.maximum(np.maximum(low - place, place - low - (60.0, 20.0)), 0)) for place in [*places, *ends]]
+            assert end is not None or away[number] < min(away) + 1.5, "marks within a pixel count as one"
+    assert lines > 5
 
 
 def test_a_crowd_of_labels_of_measurements_and_notes_lies_apart(seed):

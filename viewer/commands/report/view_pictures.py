@@ -63,7 +63,7 @@ class ViewPictures:
         picture = with_scale_bar(picture, camera, self._renderer.scene.meta.metres_per_unit)
         if (legend := self._legend(camera)) is not None:
             picture = with_legend(picture, legend)
-        return with_notes(picture, camera, notes, numbers, taken)
+        return with_notes(picture, camera, notes, numbers, taken, document.measurements)
 
     @property
     def changes(self) -> "Statistics | None":

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from ...picture.drawn_lines import Area, clipped, in_front, kept_inside, label_places
+from ...picture.drawn_lines import Area, clipped, in_front, kept_inside, label_places, leader
 from . import theme
 from .theme import Theme, packed
 
@@ -38,7 +38,8 @@ class OverlayCanvas:
         self._scale = np.array([width / camera.width, height / camera.height])
         self._origin = np.array([left, top])
         self._taken: list[Area] = []  # where marks and plates lie
-        self._waiting: list[tuple[np.ndarray, Sequence[str], str]] = []
+        self._marks: list[tuple[float, float]] = []
+        self._waiting: list[tuple[np.ndarray, Sequence[str], str, int]] = []
         draw_list.push_clip_rect(ImVec2(left, top), ImVec2(left + width, top + height), True)
 
     def end(self) -> None:
@@ -102,6 +103,7 @@ class OverlayCanvas:
         if shape != "ring":  # which follows the pointer: labels would jump
             half = min(1.3 * r, self.theme.px(_GAP - 1.0))  # the label of the marked point itself has room in its corners
             self._taken.append((x - half, y - half, 2 * half, 2 * half))
+            self._marks.append((x, y))
         edge, line = _shade("shade"), max(self.theme.px(2.0), 1.0)
         if shape in ("dot", "ring"):
             if shape == "dot":
@@ -148,31 +150,37 @@ class OverlayCanvas:
             align = (0.0 if offset[0] >= 0 else 1.0, 0.0 if offset[1] >= 0 else 1.0)
             self.text(tuple(places[0] + shift), text, colour, align=align)
 
-    def labels(self, points, texts: "Sequence[str]", colour: str = "text") -> None:
-        """Labels of world points, over no mark and no other label: each in the first free corner of its point, the nearest
-        points first; a label without room near its point is left out."""
-        self._waiting.append((np.asarray(points, np.float64).reshape(-1, 3), texts, colour))
+    def labels(self, points, texts: "Sequence[str]", colour: str = "text", *, of_marks: bool = False) -> None:
+        """Labels of world points, over no mark and no other label: each in the first free place beside its point, the nearest
+        points first; a label without room near its point is left out.  of_marks: the marks drawn before are those of what is
+        named, which none of these labels is kept away from."""
+        first = len(self._marks) if of_marks else 0
+        self._waiting.append((np.asarray(points, np.float64).reshape(-1, 3), texts, colour, first))
 
     def lay_labels(self) -> None:
         """Draws the labels that wait for the marks, those asked for first first."""
         waiting, self._waiting = self._waiting, []
-        gap, edge = self.theme.px(_GAP), self.theme.px(_EDGE)
-        for points, texts, colour in waiting:
+        gap, edge, taken, laid = self.theme.px(_GAP), self.theme.px(_EDGE), list(self._taken), []
+        for points, texts, colour, first in waiting:
             places, _ = self.place(points)
             sizes = [self._plate((0.0, 0.0), text, (0.0, 0.0))[2:] for text in texts]
-            depths = self.camera.project(points)[1]
-            found = label_places(places, depths, sizes, gap, self.area, edge, self._taken, _REACHES)
+            depths, marks = self.camera.project(points)[1], self._marks[first:]
+            found = label_places(places, depths, sizes, gap, self.area, edge, taken, _REACHES, marks)
             for number, at in found.items():
-                self._leader(places[number], at, sizes[number])
-            for number, at in found.items():
-                self.text(at, texts[number], colour)
+                taken.append((*at, *sizes[number]))
+                laid.append((at, texts[number], colour))
+                if (end := leader(places[number], at, sizes[number], gap, [*places, *marks])) is not None:
+                    self._leader(places[number], end)
+        for at, text, colour in laid:  # over the lines of all
+            self.text(at, text, colour)
 
-    def _leader(self, point: np.ndarray, at: tuple[float, float], size: tuple[float, float]) -> None:
-        """A line from a point to its label, where that lies farther off than in a corner of it."""
-        near = np.clip(point, at, np.add(at, size))
-        if np.abs(near - point).max() > 1.5 * self.theme.px(_GAP):
-            start, end = ImVec2(*map(float, point)), ImVec2(*map(float, near))
-            self.draw_list.add_line(start, end, packed(theme.PANEL, 0.92), self.theme.px(1.5))
+    def _leader(self, point: np.ndarray, end: tuple[float, float]) -> None:
+        """A line from the rim of a point's mark to its label."""
+        along = np.subtract(end, point)
+        share = min(0.6 * self.theme.px(_GAP) / max(float(np.hypot(*along)), 1e-9), 1.0)
+        start = ImVec2(*(point + share * along).tolist())
+        for shade, width in (("shade", 3.0), ("text", 1.2)):
+            self.draw_list.add_line(start, ImVec2(*end), _shade(shade), self.theme.px(width))
 
     def divider(self, x: float) -> None:
         """A vertical line across the picture at a position of the interface."""

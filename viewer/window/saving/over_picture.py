@@ -38,7 +38,7 @@ class OverPicture:
         """The picture, (H, W, 3 or 4) uint8, with it.  camera: at the picture's size."""
         taken: list[Area] = mark_areas(camera, self.notes)
         picture = with_measurements(picture, camera, self.measurements, self.unit, taken)
-        picture = with_notes(picture, camera, self.notes, taken=taken)
+        picture = with_notes(picture, camera, self.notes, taken=taken, measurements=self.measurements)
         if self.scale_bar:
             picture = with_scale_bar(picture, camera, self.metres_per_unit)
         return with_legend(picture, self.legend) if self.legend is not None else picture

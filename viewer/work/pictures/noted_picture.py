@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..notes.annotation import STATUSES
-from .drawn_over import EDGE, unit_length, with_shapes
+from .drawn_over import EDGE, seen_places, unit_length, with_shapes
 
 if TYPE_CHECKING:
     from ...picture.camera import Camera
     from ...picture.drawn_lines import Area
+    from ..measuring.measurement import Measurement
     from ..notes.annotation import Annotation
 
 _MARK, _RIM = 6.0, 1.5
@@ -19,21 +20,18 @@ _MARK, _RIM = 6.0, 1.5
 
 def mark_areas(camera: "Camera", notes: "Sequence[Annotation]") -> "list[Area]":
     """Where the marks of notes lie in a picture of the camera's size, pixels: no label is to be put there."""
-    if not notes:
-        return []
     half = (_MARK + _RIM) * unit_length(camera.height)
-    places, depths = camera.project(np.array([note.position for note in notes]))
-    with np.errstate(invalid="ignore"):
-        seen = places[(depths > 0) & (np.abs(places) < 1e6).all(axis=1)]
-    return [(x - half, y - half, 2 * half, 2 * half) for x, y in seen.tolist()]
+    seen = seen_places(camera, [note.position for note in notes])
+    return [(x - half, y - half, 2 * half, 2 * half) for x, y in seen]
 
 
 def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotation]", numbers: Sequence[int] = (),
-               taken: "Sequence[Area]" = ()) -> np.ndarray:
+               taken: "Sequence[Area]" = (), measurements: "Sequence[Measurement]" = ()) -> np.ndarray:
     """The picture with notes over it.
 
     picture: (H, W, 3) or (H, W, 4) uint8, premultiplied; it is not changed.  camera: of it, at its size.  numbers: of the
-    notes, from 0; none: all are given, in order.  taken: where other labels and marks lie, pixels.
+    notes, from 0; none: all are given, in order.  taken: where other labels and marks lie, pixels.  measurements: in
+    the picture, to whose points no title is to seem to belong.
     """
     if not notes:
         return picture
@@ -49,5 +47,6 @@ def with_notes(picture: np.ndarray, camera: "Camera", notes: "Sequence[Annotatio
                     on.rectangle([x - half, y - half, x + half, y + half], fill=colour)
 
     titles = [note.title(number) for note, number in zip(notes, numbers, strict=True)]
-    labelled = with_shapes(picture, camera, lambda on, large, unit: None, places, titles, list(taken))
+    ends = [point.position for measurement in measurements for point in measurement.points]
+    labelled = with_shapes(picture, camera, lambda on, large, unit: None, places, titles, list(taken), ends)
     return with_shapes(labelled, camera, draw, [], [])  # no label covers a mark

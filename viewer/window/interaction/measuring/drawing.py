@@ -54,4 +54,4 @@ class Measurements(Overlay):
         found, unit = context.document.measurements, unit_of(context)
         places = [draw_measurement(overlay, measurement, "accent") for measurement in found]
         if found:
-            overlay.labels(places, labels_of(found, unit))
+            overlay.labels(places, labels_of(found, unit), of_marks=True)
