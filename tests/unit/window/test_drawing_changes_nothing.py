@@ -160,3 +160,17 @@ def test_a_snapshot_sees_what_a_drawing_could_write(made, look):
                   lambda: setattr(made.area.panels, "look", False)):
         with pytest.raises(AssertionError):
             unchanged(made, write)
+
+
+def test_messages_leave_the_legend_free(made, look):
+    from pointglass.viewer.window.panels import hud
+
+    area = made.area.layout.picture
+    made.notices.toast("a line that is as wide as lines of messages are, " * 3)
+    for wide in (250.0, area.width - 200.0):  # beside it, and above it where there is little room
+        legend = area.left + 14.0, area.top + area.height - 83.0, wide, 69.0
+        twice(lambda legend=legend: hud.draw_toasts(made, look, legend))
+        for number in range(len(made.notices.toasts)):
+            shown = imgui.internal.find_window_by_name(f"toast{number}")
+            beside = shown.pos.x >= legend[0] + wide and shown.pos.x + shown.size.x <= area.right
+            assert beside or shown.pos.y + shown.size.y <= legend[1]

@@ -102,7 +102,8 @@ def test_a_label_without_a_line_is_nearest_to_its_own_mark(seed):
     lines = 0
     for _ in range(20):
         places, ends = random.uniform(100, 220, (6, 2)), random.uniform(100, 220, (4, 2))
-        found = label_places(places, np.ones(6), [(60.0, 20.0)] * 6, 10.0, (0.0, 0.0, 640.0, 400.0), 4.0, (), (1.0, 2.5), ends)
+        area = (0.0, 0.0, 640.0, 400.0)
+        found = label_places(places, np.ones(6), [(60.0, 20.0)] * 6, 10.0, area, 4.0, (), (1.0, 2.5), ends.tolist())
         for number, at in found.items():
             end = leader(places[number], at, (60.0, 20.0), 10.0, [*places, *ends])
             lines += end is not None

@@ -18,12 +18,13 @@ _MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # design units
 
 
 def _plate(overlay: "OverlayCanvas", width: float, height: float) -> tuple[float, float]:
-    """A dark plate of that size; returns its left and top."""
+    """A dark plate of that size, which is kept free; returns its left and top."""
     px = overlay.theme.px
     left, top, _, down = overlay.area
     beside = px(_TOOL_BAR) if down < px(_LOW) else 0.0  # the bar of tools reaches down to the legend
     x, y = left + px(_MARGIN) + beside, top + down - px(_MARGIN) - height
     overlay.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(5))
+    overlay.keep_legend((x, y, width, height))
     return x, y
 
 

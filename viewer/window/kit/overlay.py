@@ -29,6 +29,7 @@ class OverlayCanvas:
     """camera: of the picture.  area: the picture's left, top, width, height in pixels of the interface.
 
     draw_list: imgui's; its clip rectangle is set to ``area`` until :meth:`end`.
+    legend: left, top, width, height of the legend in this frame, None where none is drawn.
     Labels are laid out once all marks are drawn (:meth:`lay_labels`), so that no label lies over another, or over a mark.
     """
 
@@ -39,8 +40,14 @@ class OverlayCanvas:
         self._origin = np.array([left, top])
         self._taken: list[Area] = []  # where marks and plates lie
         self._marks: list[tuple[float, float]] = []
+        self.legend: Area | None = None
         self._waiting: list[tuple[np.ndarray, Sequence[str], str, int]] = []
         draw_list.push_clip_rect(ImVec2(left, top), ImVec2(left + width, top + height), True)
+
+    def keep_legend(self, area: Area) -> None:
+        """Keeps labels, and messages, off the legend."""
+        self.legend = area
+        self._taken.append(area)
 
     def end(self) -> None:
         """Draws the labels that wait, and restores the draw list."""

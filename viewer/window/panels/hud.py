@@ -4,6 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from ...common.text import counted
+from ...picture.drawn_lines import Area
 from ...picture.views import VIEWS
 from ...work.measuring.measure_text import length_text
 from ...work.pictures.picture_scale_bar import LONGEST, bar_length
@@ -16,6 +17,8 @@ from .status_bar import drawn_text
 from .tool_bar import WIDTH
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
+_TOAST_ROOM = 400.0
+"""Design units beside a legend, below which messages lie above it."""
 _LOST_BOX = 112.0, 44.0
 """Half the width and height of the box that says how to get back, design units."""
 
@@ -152,17 +155,25 @@ def draw_scale_bar(session: Session, style: Theme) -> None:
     draw.add_line(ImVec2(start, line), ImVec2(start + wide, line), packed(theme.TEXT), px(1.5))
 
 
-def draw_toasts(session: Session, style: Theme) -> None:
-    """Bottom centre of the picture, the latest lowest; above the labels of a comparison."""
+def draw_toasts(session: Session, style: Theme, legend: Area | None = None) -> None:
+    """Bottom centre of the picture, the latest lowest; above the labels of a comparison.  legend: left, top, width and height
+    of it, which no message covers: they lie to the right of it, or above it where there is little room."""
     area, px = session.area.layout.picture, style.px
-    bottom = area.top + area.height - px(MARGIN + 46)
+    bottom, left = area.top + area.height - px(MARGIN + 46), area.left
+    if legend is not None:
+        beside = legend[0] + legend[2]
+        if area.right - beside >= px(_TOAST_ROOM):
+            left = beside
+        else:
+            bottom = min(bottom, legend[1] - px(8))
+    width = area.right - left
     lines = [toast.text for toast in session.notices.toasts]
     if session.view_settings.network_load is not None:
         lines.append("Loading the network…")
     for number, text in enumerate(reversed(lines)):
-        imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, bottom), 0, ImVec2(0.5, 1.0))
+        imgui.set_next_window_pos(ImVec2(left + width / 2, bottom), 0, ImVec2(0.5, 1.0))
         imgui.begin(f"toast{number}", None, PASSIVE)
-        imgui.push_text_wrap_pos(min(px(640), 0.8 * area.width))
+        imgui.push_text_wrap_pos(min(px(640), 0.8 * width))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         bottom -= imgui.get_window_height() + px(8)

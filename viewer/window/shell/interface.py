@@ -13,6 +13,7 @@ from ..panels.view_switch import draw_view_switch
 from .list_keys import keys_in_lists
 
 if TYPE_CHECKING:
+    from ...picture.drawn_lines import Area
     from ..file_dialog.choice_window import ChoiceWindow
     from ..file_dialog.file_dialogs import FileDialogs
     from ..interaction.tool import ToolContext
@@ -75,8 +76,9 @@ def _draw(app: Host, *, shown: bool) -> None:
         imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[app.toolbox.active.cursor]))
     if session.scene is None and session.loads.current is None and not session.help:
         app.start_page.draw(app.projects.offers, session.flight.mouse, app.actions, look)
+    legend = None
     if session.interface and session.scene is not None:
-        _overlays(app)
+        legend = _overlays(app)
         hud.draw_handle(session, look, hovered=over)
         hud.draw_scale_bar(session, look)
         draw_outliner(session, app.toolbox, app.tools, app.actions, look)
@@ -90,7 +92,7 @@ def _draw(app: Host, *, shown: bool) -> None:
             hud.draw_profiler(session, look, fps=app.viewport.frame_rate)
             hud.draw_recording(session, look)
             hud.draw_lost(session, app.actions, look)
-    hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
+    hud.draw_toasts(session, look, legend)  # with the interface hidden, too: they go by themselves
     dialogs.draw_help(session, look, app.input.keyboard.printed)
     dialogs.draw_load(session, app.actions, look)
     message = session.notices.message is not None
@@ -102,8 +104,8 @@ def _draw(app: Host, *, shown: bool) -> None:
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
 
-def _overlays(app: Host) -> None:
-    """Draws the overlays and the selected tool's marks over the picture."""
+def _overlays(app: Host) -> "Area | None":
+    """Draws the overlays and the selected tool's marks over the picture.  Returns where the legend lies."""
     session = app.session
     camera = session.screen.camera  # the marks belong to the picture that they are drawn over
     place = session.area.place_of((camera.width, camera.height))
@@ -113,3 +115,4 @@ def _overlays(app: Host) -> None:
         app.toolbox.draw(overlay, app.tools)
     finally:
         overlay.end()
+    return overlay.legend
