@@ -135,17 +135,19 @@ def _robust_bounds(places: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
 def _neighbourhoods(xyz, rgb, boxes, group):
     """Of each usable neighbourhood: centre (K, 3) float64, luma (K,), variance (K,) of a point's luma, and weight (K,)."""
     from .noise_kernels import STRIDE, residuals
+    from .segment_order import order_within, stable_order
     from .station_pairs import pair_variances
 
     coloured = np.flatnonzero(rgb.any(axis=1))
     group = np.zeros(len(xyz), np.int64) if group is None else group
-    order = coloured[np.lexsort((xyz[coloured, 0], group[coloured], boxes[coloured]))]
-    xyz, boxes, group = xyz[order], boxes[order], group[order]
-    luma = ((rgb[order] @ LUMA) / 255).astype(np.float32)
-    new = np.ones(len(xyz), bool)
+    order = coloured[stable_order(boxes[coloured], group[coloured])]
+    boxes, group = boxes[order], group[order]
+    new = np.ones(len(order), bool)
     new[1:] = (boxes[1:] != boxes[:-1]) | (group[1:] != group[:-1])
     starts = np.flatnonzero(new)
     number = np.cumsum(new) - 1
+    order = order[order_within(xyz[order, 0], np.append(starts, len(order)))]  # by x; what tells segments apart stays as it is
+    xyz, luma = xyz[order], ((rgb[order] @ LUMA) / 255).astype(np.float32)
     kept = np.arange(len(xyz)) - starts[number] < _MAX_IN_BOX  # the lowest in x: all of a smaller box
     sizes = np.bincount(number[kept], minlength=len(starts))
     kept &= (sizes >= _MIN_IN_BOX)[number]
@@ -173,10 +175,12 @@ def _neighbourhoods(xyz, rgb, boxes, group):
 
 def _robust_variances(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """(S,) variances of the segments of values, with values clipped at _CUT robust standard deviations."""
+    from .segment_order import sorted_within
+
     sizes = np.diff(starts)
     number = np.repeat(np.arange(len(sizes)), sizes)
     square = values.astype(np.float64) ** 2
-    ranked = square[np.lexsort((square, number))]
+    ranked = sorted_within(square, starts)
     middle = (ranked[starts[:-1] + (sizes - 1) // 2] + ranked[starts[:-1] + sizes // 2]) / 2
     limit = _CUT**2 * 1.4826**2 * middle
     return np.add.reduceat(np.minimum(square, limit[number]), starts[:-1]) / sizes / _CUT_VARIANCE

@@ -9,6 +9,10 @@ NEAR, FAR = 7, 20
 _RIDGE = 0.02
 """Regularisation, as a share of the neighbours' mean squared distance: no slope is fitted along a direction in which the
 surface is thinner.  Half or twice changes the noise of four real scans as a whole by at most 4 %."""
+_ROWS = 64
+"""Points whose boxes are computed at a time: their arrays take 5 KB, so that they stay in the first-level cache."""
+_OUTSIDE = -(1 << 28)
+"""In place of a coordinate outside the lattice, which has at most 64**3 cells: it makes the number of the cell negative."""
 STRIDE = 2
 """One point in two is predicted; all points are neighbours."""
 
@@ -43,25 +47,41 @@ def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
     below ``limit`` (both uint64).  Writes rows (n,) int64 and boxes (n,) uint64, the hash that identifies the box; returns
     their number.
     """
-    used, ny, nz = 0, sides.shape[1], sides.shape[2]
-    last, of_cell, side = np.int64(-1), np.uint64(0), np.int64(0)
-    for i in range(xyz.shape[0]):
-        x = (xyz[i, 0] - low[0]) * inverse
-        y = (xyz[i, 1] - low[1]) * inverse
-        z = (xyz[i, 2] - low[2]) * inverse
-        if not (x >= 0 and y >= 0 and z >= 0 and x < sides.shape[0] and y < ny and z < nz):  # false for NaN
-            continue
-        cx, cy, cz = np.int64(x), np.int64(y), np.int64(z)
-        cell = (cx * ny + cy) * nz + cz
-        if cell != last:  # most points are in the same cell as the previous one
-            last, side, of_cell = cell, np.int64(sides[cx, cy, cz]), _mix(np.uint64(cell) + salt)
-        if side == 0:
-            continue
-        bx, by, bz = np.int64((x - cx) * side), np.int64((y - cy) * side), np.int64((z - cz) * side)
-        key = _mix(of_cell ^ np.uint64((bx * side + by) * side + bz))
-        if key < limit:
-            rows[used], boxes[used] = i, key
-            used += 1
+    held, coordinates = sides.reshape(-1), xyz.reshape(-1)
+    # _ROWS points at a time, in loops that compile to vector instructions over x, y, z, x, y, z, ... as stored
+    corner, most, strides = np.empty(3 * _ROWS), np.empty(3 * _ROWS), np.empty(3 * _ROWS, np.int32)
+    for k in range(3 * _ROWS):
+        axis = k % 3
+        corner[k], most[k] = low[axis], sides.shape[axis]
+        strides[k] = 1 if axis == 2 else sides.shape[2] * (1 if axis == 1 else sides.shape[1])
+    place, whole = np.empty(3 * _ROWS), np.empty(3 * _ROWS, np.int32)
+    cell, side = np.empty(_ROWS, np.int32), np.empty(_ROWS, np.int32)
+    box, key = np.empty(_ROWS, np.uint64), np.empty(_ROWS, np.uint64)
+    used = 0
+    for start in range(0, xyz.shape[0], _ROWS):
+        count = min(_ROWS, xyz.shape[0] - start)
+        part = coordinates[3 * start : 3 * (start + count)]
+        for k in range(3 * count):
+            at = (part[k] - corner[k]) * inverse
+            inside = (at >= 0) & (at < most[k])  # false for NaN
+            at = at if inside else 0.0
+            number = np.int32(at)
+            place[k], whole[k] = at - number, number * strides[k] if inside else _OUTSIDE
+        for k in range(count):
+            cell[k] = whole[3 * k] + whole[3 * k + 1] + whole[3 * k + 2]
+        for k in range(count):
+            sampled = held[max(cell[k], 0)]
+            side[k] = sampled if cell[k] >= 0 else 0
+        for k in range(count):
+            of_axis = np.float64(side[k])
+            bx, by = np.int64(np.int32(place[3 * k] * of_axis)), np.int64(np.int32(place[3 * k + 1] * of_axis))
+            box[k] = np.uint64((bx * side[k] + by) * side[k] + np.int64(np.int32(place[3 * k + 2] * of_axis)))
+        for k in range(count):
+            key[k] = _mix(_mix(np.uint64(cell[k]) + salt) ^ box[k])
+        for k in range(count):
+            if key[k] < limit and side[k] > 0:
+                rows[used], boxes[used] = start + k, key[k]
+                used += 1
     return used
 
 

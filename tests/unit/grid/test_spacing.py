@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from pointglass.viewer.grid.building import kernels, spacing
+from pointglass.viewer.grid.building import spacing
+from pointglass.viewer.grid.building.spacing_kernels import neighbour_distances
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 
@@ -41,7 +42,7 @@ def test_distances_to_the_eighth_nearest_position_equal_a_search_trees(seed):
     places = np.unique(random.integers(0, 2 ** random.integers(2, 16), (random.integers(1, 400), 3)), axis=0)
     xyz = random.permutation(np.repeat(places, random.integers(1, 20, len(places)), axis=0)).astype(float)
     found, tallies, k = np.empty(len(xyz)), np.empty((len(xyz), 3), np.int64), min(8, len(xyz) - 1)
-    kernels.neighbour_distances(xyz.T.copy(), np.arange(len(xyz)), k, np.empty(len(xyz)), found, tallies)
+    neighbour_distances(xyz.T.copy(), np.arange(len(xyz)), k, np.empty(len(xyz)), found, tallies)
     near = min(k, len(places) - 1)
     distance = KDTree(places).query(xyz, k=[near + 1])[0][:, 0] if near else np.zeros(len(xyz))
     np.testing.assert_allclose(np.sqrt(found), distance, rtol=1e-12)

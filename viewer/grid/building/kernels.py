@@ -47,16 +47,26 @@ def geometric(index):
 
 
 @compiled(inline="always")
-def _slot(table, x, y, z):
-    """The row of cell (x, y, z), or the free row for it, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1:
-    free)."""
-    mask = np.uint64(table.shape[0] - 1)
+def _hash(x, y, z):
+    """The hash of a cell, of which a table takes as many of the lowest bits as it needs."""
     h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)
-    h += np.uint64(z) * np.uint64(0x165667B19E3779F9)
-    slot = (h >> np.uint64(36)) & mask
+    return (h + np.uint64(z) * np.uint64(0x165667B19E3779F9)) >> np.uint64(36)
+
+
+@compiled(inline="always")
+def _slot_from(table, slot, x, y, z):
+    """The row of cell (x, y, z), or the free row for it, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1:
+    free).  slot: uint64, the row that its hash gives."""
+    mask = np.uint64(table.shape[0] - 1)
     while table[slot, 3] >= 0 and (table[slot, 0] != x or table[slot, 1] != y or table[slot, 2] != z):
         slot = (slot + np.uint64(1)) & mask
     return slot
+
+
+@compiled(inline="always")
+def _slot(table, x, y, z):
+    """As _slot_from, from the cell's hash."""
+    return _slot_from(table, _hash(x, y, z) & np.uint64(table.shape[0] - 1), x, y, z)
 
 
 @compiled(nogil=True)
@@ -103,34 +113,63 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
     counts: (limit, GEOMETRIC) int64.  tally: [cells used, not finite, out of reach], updated.  bounds: (2, 3), updated.
     Returns the number of points processed; less than n means that the next point needs a cell beyond the limit.
     """
-    used = tally[0]
-    x0, y0, z0, x1, y1, z1 = bounds[0, 0], bounds[0, 1], bounds[0, 2], bounds[1, 0], bounds[1, 1], bounds[1, 2]
-    bx, by, bz = base
-    done = xyz.shape[0]
-    px, py, pz, cell = 0, 0, 0, -1
-    for i in range(start, xyz.shape[0]):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        inside = (x >= reach[0, 0]) & (x <= reach[1, 0]) & (y >= reach[0, 1]) & (y <= reach[1, 1])
-        inside &= (z >= reach[0, 2]) & (z <= reach[1, 2])
-        if not inside:
-            tally[2 if np.isfinite(x) and np.isfinite(y) and np.isfinite(z) else 1] += 1
-            continue
-        cx = np.int32(np.floor(x * inverse) - bx)
-        cy = np.int32(np.floor(y * inverse) - by)
-        cz = np.int32(np.floor(z * inverse) - bz)
-        if cell < 0 or cx != px or cy != py or cz != pz:
-            slot = _slot(table, cx, cy, cz)
+    used, mask, coordinates = tally[0], np.uint64(table.shape[0] - 1), xyz.reshape(-1)
+    low, high, lowest = np.empty(3 * _ROWS), np.empty(3 * _ROWS), np.empty(3 * _ROWS)
+    least, most = np.empty(3 * _ROWS), np.empty(3 * _ROWS)
+    for k in range(3 * _ROWS):
+        axis = k % 3
+        low[k], high[k], lowest[k] = reach[0, axis], reach[1, axis], base[axis]
+        least[k], most[k] = bounds[0, axis], bounds[1, axis]
+    at, value, number = np.empty(3 * _ROWS, np.int32), np.empty(_ROWS, np.int32), np.empty(_ROWS, np.int32)
+    # _ROWS points at a time, in short loops, most of which compile to vector instructions
+    for begin in range(start, xyz.shape[0], _ROWS):
+        rows, lost = min(_ROWS, xyz.shape[0] - begin), 0
+        part = coordinates[3 * begin : 3 * (begin + rows)]
+        for k in range(3 * rows):
+            inside = (part[k] >= low[k]) & (part[k] <= high[k])
+            at[k] = np.int32(np.floor((part[k] if inside else low[k]) * inverse) - lowest[k])
+            lost += not inside
+        if lost == 0:
+            for k in range(3 * rows):
+                v = part[k]
+                least[k], most[k] = v if v < least[k] else least[k], v if v > most[k] else most[k]
+        for k in range(rows):
+            value[k] = _draw(first + begin + k)
+        for k in range(rows):
+            value[k] = _ZEROS[value[k]]
+        for k in range(rows):
+            number[k] = np.int32(_hash(at[3 * k], at[3 * k + 1], at[3 * k + 2]) & mask)
+        done = rows
+        for k in range(rows):
+            x, y, z = part[3 * k], part[3 * k + 1], part[3 * k + 2]
+            if lost > 0:
+                inside = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]) & (z >= low[2]) & (z <= high[2])
+                if not inside:
+                    tally[2 if np.isfinite(x) and np.isfinite(y) and np.isfinite(z) else 1] += 1
+                    number[k] = -1
+                    continue
+                least[0], least[1], least[2] = min(least[0], x), min(least[1], y), min(least[2], z)
+                most[0], most[1], most[2] = max(most[0], x), max(most[1], y), max(most[2], z)
+            slot = _slot_from(table, np.uint64(number[k]), at[3 * k], at[3 * k + 1], at[3 * k + 2])
             if table[slot, 3] < 0:
                 if used == limit:
-                    done = i
+                    done = k
                     break
-                table[slot, 0], table[slot, 1], table[slot, 2], table[slot, 3] = cx, cy, cz, used
+                table[slot, 0], table[slot, 1], table[slot, 2] = at[3 * k], at[3 * k + 1], at[3 * k + 2]
+                table[slot, 3] = used
                 used += 1
-            px, py, pz, cell = cx, cy, cz, table[slot, 3]
-        counts[cell, geometric(first + i)] += 1
-        x0, y0, z0 = x if x < x0 else x0, y if y < y0 else y0, z if z < z0 else z0
-        x1, y1, z1 = x if x > x1 else x1, y if y > y1 else y1, z if z > z1 else z1
-    bounds[0, 0], bounds[0, 1], bounds[0, 2], bounds[1, 0], bounds[1, 1], bounds[1, 2] = x0, y0, z0, x1, y1, z1
+            number[k] = table[slot, 3]
+        for k in range(done):
+            if number[k] >= 0:
+                counts[number[k], value[k]] += 1
+        if done < rows:
+            done += begin
+            break
+    else:
+        done = xyz.shape[0]
+    for k in range(3 * _ROWS):
+        axis = k % 3
+        bounds[0, axis], bounds[1, axis] = min(bounds[0, axis], least[k]), max(bounds[1, axis], most[k])
     tally[0] = used
     return done
 
@@ -229,67 +268,3 @@ def place_points(buckets, words, start, stop, stride, runs, points, numbered, re
             records[place] = words[i, 3]
             if wide:
                 high[place] = upper + np.uint8(words[i, 3] < lower)  # a block is far shorter than 2**32 points
-
-
-@compiled(nogil=True)
-def gather_steps(points, starts, sizes, xyz):
-    """Unpacks the positions within their cell of the points of some runs, until ``xyz`` is full.
-
-    points: (N, 3) uint32 as in Scene.  starts, sizes: (R,) int64.  Writes xyz (3, n) float64, in packed steps.
-    """
-    done = 0
-    for run in range(starts.shape[0]):
-        for i in range(starts[run], starts[run] + min(sizes[run], xyz.shape[1] - done)):
-            xyz[0, done], xyz[1, done] = points[i, 0] & 0xFFFF, points[i, 0] >> 16
-            xyz[2, done] = points[i, 1] & 0xFFFF
-            done += 1
-    return done
-
-
-@compiled(nogil=True)
-def neighbour_distances(xyz, queries, k, squared, out, tallies):
-    """Squared distance from each query (a column of xyz) to the k-th nearest position of other points, by exhaustive search.
-    Points at the same position count once: duplicated points do not reduce the spacing.
-
-    xyz: (3, n) float64, n > k, one row per axis, so that the first loop compiles to vector instructions.  queries: (m,) int64.
-    squared: scratch, (n,) float64.  out: (m,) float64, to the last position where there are fewer than k, 0 where there is
-    none.
-    tallies: (m, 3) int64: other points at the query's position, positions found, and points at these.
-    """
-    xs, ys, zs = xyz[0], xyz[1], xyz[2]
-    nearest, which = np.empty(k), np.empty(k, np.int64)
-    for j in range(queries.shape[0]):
-        nearest[:] = np.inf
-        q = queries[j]
-        x, y, z = xs[q], ys[q], zs[q]
-        for i in range(xs.shape[0]):
-            dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
-            squared[i] = (dx * dx + dy * dy) + dz * dz
-        worst, found, same, repeated = np.inf, 0, 0, False
-        for i in range(xs.shape[0]):
-            d = squared[i]
-            if d < worst:
-                if d == 0.0:
-                    same += 1
-                    continue
-                at, again = min(found, k - 1), False
-                for n in range(found):
-                    if nearest[n] == d:
-                        m = which[n]
-                        again |= (xs[m] == xs[i]) & (ys[m] == ys[i]) & (zs[m] == zs[i])
-                if again:
-                    repeated = True
-                    continue
-                while at > 0 and nearest[at - 1] > d:
-                    nearest[at], which[at] = nearest[at - 1], which[at - 1]
-                    at -= 1
-                nearest[at], which[at] = d, i
-                found = min(found + 1, k)
-                worst = nearest[k - 1]
-        out[j] = nearest[found - 1] if found else 0.0
-        held = found
-        if repeated:
-            held = -same
-            for i in range(xs.shape[0]):
-                held += squared[i] <= out[j]
-        tallies[j, 0], tallies[j, 1], tallies[j, 2] = same - 1, found, held

@@ -7,9 +7,12 @@ sorted by place (octree, voxel grid), points of different exposures are mixed; t
 distinguishes them.  Frame: file coordinates.  Memory: twice model.appearance.noise.BUDGET points.
 """
 
+from concurrent.futures import Executor, Future
+
 import numpy as np
 
 from ....model.appearance.noise import NoiseModel, Sampler, no_noise
+from ....model.appearance.segment_order import sorted_within, stable_order
 from ...readers.source import Chunk, Source
 from .count_points import CellCounts
 
@@ -24,6 +27,9 @@ _LEAST_POINTS = 12
 """Points of a neighbourhood that is used to decide whether a file is ordered.  Half and twice change the gap of the six files
 by at most 6 %, far less than they are from ORDERED."""
 
+_Part = tuple[np.ndarray, ...]
+"""Points picked of a chunk: positions, colours, boxes, groups, sources, running numbers."""
+
 
 class NoiseSample:
     """Samples the points of pass 2 (``add``), then estimates their noise (``solve``)."""
@@ -37,30 +43,49 @@ class NoiseSample:
         counted = self._counts
         places = (counted.cells + counted.base + 0.5) * counted.cell_size
         self._sampler = Sampler(places, counted.counts.sum(axis=1).astype(np.float64), self._seed)
-        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._parts: list[_Part] = []
+        self._coming: Future[_Part] | None = None
+        self._limit: np.uint64 | None = None
         self._held = 0
         self._points = np.zeros(self._sources, np.int64)
 
-    def add(self, source: int, chunk: Chunk, xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, first: int) -> None:
-        """Keeps the points of a chunk that lie in sampled neighbourhoods.
+    def add(self, source: int, chunk: Chunk, xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, first: int,
+            pool: Executor) -> None:  # fmt: skip
+        """Keeps the points of a chunk that lie in sampled neighbourhoods; ``pool`` picks them beside the caller's work.
 
         xyz: (n, 3) float64.  rgb: (n, 3) uint8, as shown.  scan: (n,) uint8 scan numbers.  first: running number of its first
-        point.
+        point.  None of these may be changed afterwards.
         """
         self._points[source] += len(xyz)
+        coming, self._coming = self._coming, pool.submit(self._pick, source, chunk, xyz, rgb, scan, first)
+        self._keep(coming)
+
+    def _pick(self, source: int, chunk: Chunk, xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, first: int) -> _Part:
         rows, boxes = self._sampler.pick(xyz)
         group = scan[rows].astype(np.int64)
         if chunk.station is not None:
             group |= np.asarray(chunk.station)[rows].astype(np.int64) << 8
-        self._parts.append((xyz[rows], rgb[rows], boxes, group, np.full(len(rows), source, np.int64), first + rows))
-        self._held += len(rows)
+        return xyz[rows], rgb[rows], boxes, group, np.full(len(rows), source, np.int64), first + rows
+
+    def _keep(self, coming: "Future[_Part] | None") -> None:
+        """Adds a chunk's points, picked while as many boxes as now or more were sampled."""
+        if coming is None:
+            return
+        self._parts.append(self._below(coming.result()))
+        self._held += len(self._parts[-1][0])
         while self._held > self._sampler.most:  # the boxes hold more points than estimated
-            limit = np.uint64(self._sampler.fewer())
-            self._parts = [tuple(a[part[2] < limit] for a in part) for part in self._parts]
+            self._limit = np.uint64(self._sampler.fewer())
+            self._parts = [self._below(part) for part in self._parts]
             self._held = sum(len(part[0]) for part in self._parts)
+
+    def _below(self, part: _Part) -> _Part:
+        """A part's points in boxes that are still sampled."""
+        return part if self._limit is None else tuple(values[part[2] < self._limit] for values in part)
 
     def solve(self) -> NoiseModel:
         """The noise of the points added, which are then freed."""
+        coming, self._coming = self._coming, None
+        self._keep(coming)
         parts, self._parts = self._parts, []
         if not parts:
             return no_noise()
@@ -74,7 +99,8 @@ def runs(boxes: np.ndarray, group: np.ndarray, source: np.ndarray, at: np.ndarra
     boxes (n,) uint64, group (n,), source (n,), at (n,): each point's neighbourhood, station, source and running number.
     points: (S,) how many points each source has.
     """
-    order = np.lexsort((at, group, source, boxes))
+    order = np.arange(len(at)) if (at[1:] >= at[:-1]).all() else np.argsort(at, kind="stable")
+    order = order[stable_order(boxes[order], source[order], group[order])]
     boxes, group, source, at = boxes[order], group[order], source[order], at[order]
     new = np.ones(len(at), bool)
     new[1:] = (boxes[1:] != boxes[:-1]) | (source[1:] != source[:-1]) | (group[1:] != group[:-1])
@@ -96,8 +122,8 @@ def _is_ordered(new: np.ndarray, gap: np.ndarray, mine: np.ndarray, count: int) 
     if not usable.any():
         return False
     number, gaps = segment[usable], gap[usable]
-    ranked = gaps[np.lexsort((gaps, number))]
     first = np.flatnonzero(np.diff(number, prepend=-1))
+    ranked = sorted_within(gaps, np.append(first, len(gaps)))
     here = sizes[number[first]]
     middle = ranked[first + (np.diff(first, append=len(number)) - 1) // 2]
     return bool(np.median(middle * here) < ORDERED * count * np.log(2))

@@ -50,7 +50,7 @@ def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts:
         bits = np.ascontiguousarray(attributes.pack(chunk.classification, chunk.intensity, len(xyz)), np.uint16)
         scan = scans.numbers(number, first, chunk)
         if sample is not None:
-            sample.add(number, chunk, xyz, rgb, scan, first)
+            sample.add(number, chunk, xyz, rgb, scan, first, pool)
         for start in range(0, len(xyz), BLOCK):
             rows = slice(start, start + BLOCK)
             blocks.add(xyz[rows], rgb[rows], bits[rows], scan[rows], first + start)

@@ -14,7 +14,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from ....model.appearance.spacing import NEIGHBOURS
-from . import kernels
+from .spacing_kernels import gather_steps, neighbour_distances
 
 CELLS, _QUERIES, _CANDIDATES = 64, 24, 20_000
 """Cells that are examined, queries in each, and points of a cell among which neighbours are searched.  The standard error of
@@ -50,7 +50,7 @@ def _of_cell(points, starts: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray,
     """As _distances, in one cell, among at most _CANDIDATES of its points, those of coarse layers first."""
     taken = min(int(sizes.sum()), _CANDIDATES)
     xyz = np.empty((3, taken))
-    kernels.gather_steps(points, starts, sizes, xyz)
+    gather_steps(points, starts, sizes, xyz)
     return _distances(xyz, _QUERIES, taken / int(sizes.sum()))
 
 
@@ -76,7 +76,7 @@ def _distances(xyz: np.ndarray, queries: int, taken: float = 1.0) -> tuple[np.nd
         return np.zeros(0), 0.0
     chosen = np.unique(np.linspace(0, count - 1, min(queries, count)).astype(np.int64))
     found, tallies = np.empty(len(chosen)), np.empty((len(chosen), 3), np.int64)
-    kernels.neighbour_distances(np.ascontiguousarray(xyz), chosen, k, np.empty(count), found, tallies)
+    neighbour_distances(np.ascontiguousarray(xyz), chosen, k, np.empty(count), found, tallies)
     repeats, places, points = tallies.T
     kept = _places_kept(taken, points.sum() / max(places.sum(), 1))
     return np.sqrt(found * (np.pi / np.maximum(places, 1))) * float(np.sqrt(kept)), float((repeats >= k).mean())
