@@ -14,6 +14,7 @@ from x_keyboard import xdo
 
 from pointglass.viewer.common import fonts
 from pointglass.viewer.picture.clip import Box
+from pointglass.viewer.window.kit.number_field import _Said
 from pointglass.viewer.work.notes.annotation import Annotation
 
 _STEP, _SIDE, _TALL = 0.04, 1.6, 0.5
@@ -73,12 +74,17 @@ def check_the_volume_in_a_clip_box_of_typed_numbers_is_measured(p: Person, folde
     p.key("Tab")  # visited, not typed in
     p.d.settle(4)
     assert session.document.clips == (box,), "digits that a field does not show"
-    for number, part in (("-4", "expected a size above 0; it stays as it was"), ("1e30", "is limited to")):
-        typed(p, "##width", number)
-        p.d.until(lambda wanted=part: any(wanted in toast.text for toast in session.notices.toasts))
-    assert 3.2 < session.document.clips[0].half[1] < 41, session.document.clips
+    for text in ("abc", "nan", "12abc", "-4", "1e30"):
+        assert session.document.clips == (box,)
+        typed(p, "##width", text)
+        assert {"-4": "expected a size above 0", "1e30": "is limited to"}.get(text, text) in _Said.text and _Said.field
+    p.d.picture("said at a field")
+    (limited,) = session.document.clips
+    assert isinstance(limited, Box) and 3.2 < limited.half[1] < 41, limited
     typed(p, "##width", "3.2")
     assert session.document.clips == (box,)
+    a_click_that_waits_for_typed_keys_has_the_modifiers_of_its_press(p)
+    typed(p, "##z", "0.5123456")
     p.click("Measure the volume in it")
     p.d.until(lambda: session.document.measurements)
     (made,) = session.document.measurements
@@ -89,6 +95,19 @@ def check_the_volume_in_a_clip_box_of_typed_numbers_is_measured(p: Person, folde
     assert not session.document.measurements and session.document.clips == (box,)
     session.work.edit("No clips", clips=())
     p.key("Escape")
+
+
+def a_click_that_waits_for_typed_keys_has_the_modifiers_of_its_press(p: Person) -> None:
+    """Keys, a click with Shift and Shift's release within one frame."""
+    (left, top), (width, height) = p.d.session.area.origin, p.d.session.area.size
+    p.click("##z")
+    p.key("ctrl+a")
+    xdo("type", "--delay", 1, "0.75")
+    with patch.object(p.d.app.toolbox, "pointer", wraps=p.d.app.toolbox.pointer) as given:
+        xdo("mousemove", round(left + width / 2), round(top + height / 2), "keydown", "shift", "click", 1, "keyup", "shift")
+        p.d.until(lambda: any(call.args[0].kind == "release" for call in given.call_args_list))
+    pressed = {call.args[0].kind: call.args[0].modifiers.shift for call in given.call_args_list}
+    assert pressed["press"] and pressed["release"] and p.d.session.document.clips[0].centre[2] == 0.75
 
 
 def check_buttons_of_a_selection_do_what_they_say(p: Person, folder: Path) -> None:

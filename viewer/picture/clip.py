@@ -23,6 +23,8 @@ Axes = tuple[Vector, Vector, Vector]
 WORLD_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 MOST_CLIPS = 16
 """Active at once; the size of the table that shaders read (viewer.render.clip)."""
+FARTHEST = 1e12
+"""Largest coordinate and size of a clip, file units.  Geocentric coordinates in millimetres reach 6.4e9."""
 _ORTHONORMAL = 1e-6
 """Largest error of an entry of axes @ axes.T: axes come back from JSON with 17 digits, from a gizmo with 7."""
 
@@ -79,13 +81,14 @@ Clip = Box | Slab
 
 
 def _check(name: str, values: object, what: str, count: int, *, positive: bool = False) -> None:
-    """Raises InputError unless ``values`` are ``count`` finite numbers, above 0 if asked."""
+    """Raises InputError unless ``values`` are ``count`` numbers within FARTHEST, above 0 if asked."""
     try:
         array = np.array(values, np.float64)
     except (TypeError, ValueError):
         array = np.empty(0)
-    if array.size != count or not np.isfinite(array).all() or (positive and not (array > 0).all()):
-        kind = "above 0" if positive else "finite"
+    # written so that NaN is refused, too
+    if array.size != count or not (np.abs(array) <= FARTHEST).all() or (positive and not (array > 0).all()):
+        kind = f"above 0 and up to {FARTHEST:g}" if positive else f"{-FARTHEST:g} to {FARTHEST:g}"
         raise InputError(f"clip {name!r}: {what} {values!r}: expected {count} number{'s' * (count > 1)}, {kind}")
 
 

@@ -96,6 +96,8 @@ def test_damaged_projects_are_refused_in_one_line_or_read(tmp_path, seed):
     ('{"pointglass_project": 1, "document": {"settings": {"view": "xray"}}}', "document.settings: view 'xray'"),
     ('{"pointglass_project": 1, "document": {"clips": [{"type": "Ball"}]}}', "'Ball': expected one of Box, Slab"),
     ('{"pointglass_project": 1, "document": {"clips": [{"type": "Box", "half": [1, 1, 1]}]}}', "centre is missing"),
+    ('{"pointglass_project": 1, "document": {"clips": [{"type": "Box", "centre": [0, 0, 0], "half": [1e30, 1, 1]}]}}',
+     "above 0 and up to 1e.12"),
 ])
 def test_bad_projects_say_what_is_wrong(tmp_path, text, said):
     path = tmp_path / "p.pointglass"

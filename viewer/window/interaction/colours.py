@@ -8,14 +8,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
-import numpy as np
-
 from ...grid.scene import unpack
 from ...picture.colour_modes import COLOUR_BY, RAMPS, Need, PointValue
 from ...picture.look import MOST_POINT_SIZE, TONES, Look
 from ...picture.views import POINT_VIEWS
 from ...render.raster.edit_block import ends_of
 from ..kit import icons
+from ..kit.number_field import number_inputs
 from ..kit.sliders import slider_float, slider_int
 from ..session.colour_legend import shown_legend
 from .editing import edit
@@ -131,8 +130,8 @@ class Colours(Tool):
         stored = COLOUR_BY[look.colour_by].value is PointValue.INTENSITY
         shown = (layout.in_file(low), layout.in_file(high)) if stored else (low, high)
         ui.set_next_item_width(-1)
-        changed, ends = ui.input_float2("##range", list(shown), "%.4g")
-        if changed and np.isfinite(ends).all():
+        changed, ends = number_inputs(ui, "##range", shown, "%.4g")
+        if changed:
             low, high = (layout.as_stored(float(end)) if stored else float(end) for end in ends)
             self._change(context, "range", low=low, high=high)
         if ui.is_item_hovered():

@@ -1,10 +1,8 @@
-"""Sliders that are filled from the left up to their value, with the value written over them: nothing covers the text.  And
-fields for numbers that have more digits than the field shows."""
+"""Sliders that are filled from the left up to their value, with the value written over them: nothing covers the text."""
 
-import re
 from collections.abc import Callable
 from math import log
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from imgui_bundle import ImVec2, imgui
 
@@ -15,7 +13,6 @@ CLAMP = imgui.SliderFlags_.always_clamp
 LOGARITHMIC = imgui.SliderFlags_.logarithmic
 _COLOURS = (imgui.Col_.slider_grab, imgui.Col_.slider_grab_active, imgui.Col_.frame_bg, imgui.Col_.frame_bg_hovered,
             imgui.Col_.frame_bg_active)  # fmt: skip
-_NUMBER = re.compile(r"%[.\d]*[fg]")
 Number = TypeVar("Number", int, float)
 
 
@@ -52,15 +49,3 @@ def _filled(draw_slider: Callable[[], tuple[bool, Number]], share: float) -> tup
         draw.add_line(ImVec2(right, low.y + 1), ImVec2(right, high.y - 1), packed(theme.ACCENT), 2.0)
     draw.channels_merge()
     return found
-
-
-def number_input(ui: Any, name: str, value: float, form: str, flags: int = 0) -> tuple[bool, float]:
-    """(whether another number was typed, the number now).  form: of what is shown, as imgui has it: "%.3f m".
-
-    imgui reads the text of a field when it is left, also where nothing was typed: the number would be rounded to what is shown.
-    """
-    changed, read = ui.input_double(name, value, 0.0, 0.0, form, flags)
-    found = _NUMBER.search(form)
-    if found is not None and read == float(found[0] % value):
-        return False, value
-    return changed, read

@@ -109,21 +109,24 @@ def small(text: str, style: Theme, colour=theme.DIM) -> None:
 
 def hint(text: str, style: Theme) -> None:
     """A tooltip of the item before, also where that is disabled; beside the item, so that it does not cover what follows."""
-    flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
-    if not text or not imgui.is_item_hovered(flags):
-        return
-    width, low, size = style.px(280), imgui.get_window_pos(), imgui.get_io().display_size
-    right = low.x + imgui.get_window_width()
-    place = ImVec2(low.x - style.px(8), imgui.get_item_rect_min().y)
-    if low.x > width + style.px(40):
-        imgui.set_next_window_pos(place, 0, ImVec2(1.0, 0.0))
-    elif size.x - right > width + style.px(40):
-        imgui.set_next_window_pos(ImVec2(right + style.px(8), place.y))
-    imgui.begin_tooltip()
-    imgui.push_text_wrap_pos(width)
-    imgui.text_unformatted(text)
-    imgui.pop_text_wrap_pos()
-    imgui.end_tooltip()
+    if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
+        tooltip_beside(imgui, text, style.px(280))
+
+
+def tooltip_beside(ui: Any, text: str, width: float) -> None:
+    """A tooltip at the left or right of the window that is open, as high as the item before.  ui: the ``imgui`` module.
+    width: pixels, at most."""
+    low, size, gap = ui.get_window_pos(), ui.get_io().display_size, ui.get_font_size() / 2
+    right, top = low.x + ui.get_window_width(), ui.get_item_rect_min().y
+    if low.x > width + 5 * gap:
+        ui.set_next_window_pos(ImVec2(low.x - gap, top), 0, ImVec2(1.0, 0.0))
+    elif size.x - right > width + 5 * gap:
+        ui.set_next_window_pos(ImVec2(right + gap, top))
+    ui.begin_tooltip()
+    ui.push_text_wrap_pos(width)
+    ui.text_unformatted(text)
+    ui.pop_text_wrap_pos()
+    ui.end_tooltip()
 
 
 def label(text: str, explained: str, style: Theme, *, width: float = -1.0) -> None:

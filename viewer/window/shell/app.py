@@ -24,7 +24,6 @@ from ..interaction.table import toolbox
 from ..interaction.tool import ToolContext
 from ..kit.chosen_button import ChosenButton
 from ..kit.clipboard import SystemClipboard
-from ..kit.glfw_window import make_window, screen_scale
 from ..panels.missing_scans import MissingScansDialog
 from ..panels.start_page import StartPage
 from ..saving.save_actions import SaveActions
@@ -36,6 +35,7 @@ from ..viewport.viewport import Viewport
 from .actions import WindowActions
 from .answers import Answers
 from .devices import Devices
+from .glfw_window import make_window, screen_scale
 from .input import Input
 from .interface import draw_interface
 

@@ -3,54 +3,25 @@
 Pointer positions arrive in logical pixels from the window's top left; tools receive pixels of the picture.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Literal
 
 from ..interaction.controls import Control
-from ..interaction.tool import KeyEvent, Modifiers, PointerEvent, ToolContext
-from ..interaction.toolbox import Toolbox
+from ..interaction.tool import KeyEvent, Modifiers, PointerEvent
 from ..kit.under_pointer import over_interface
-from ..session.session import Session
 from .after_typing import AfterTyping
-from .answers import Answers
 from .in_order import InOrder
 from .keyboard import Keyboard
 from .list_keys import list_is_open
 from .text_ahead import TextAhead
 from .window_events import WindowEvents
-
-if TYPE_CHECKING:
-    from ..kit.theme import Theme
+from .window_host import Host
 
 _GRIP = 9.0  # design units either side of the comparison's line that take hold of it
 _CLICK = 4.0  # logical pixels that the pointer may move between press and release of a click
 _DOUBLE_CLICK = 0.35  # seconds between the two releases of a double click
-
-
-class Host(Protocol):
-    """What the callbacks need of the owner of the window.  window: GLFW's handle.  address: the same as a number."""
-
-    glfw: Any
-    imgui: Any
-    window: Any
-    address: int
-    session: Session
-    theme: "Theme"
-    toolbox: Toolbox
-    tools: ToolContext
-    answers: Answers
-
-    @property
-    def asking(self) -> bool: ...  # whether a question or a file dialog is open that takes all keys
-    def wake(self) -> None: ...
-    def linger(self) -> None: ...
-    def act(self, action: str) -> None: ...
-    def open(self, paths: Sequence[Path]) -> None: ...
-    def request_close(self) -> None: ...
-    def interface_scale(self) -> float: ...
 
 
 class Input:
@@ -71,7 +42,8 @@ class Input:
         self._button: Literal["", "left", "right", "middle"] = ""
         self._held: set[int] = set()  # buttons, also of the interface
         self._held_over_interface = False  # where the first of them was pressed
-        self._modifiers = Modifiers()
+        self._modifiers = Modifiers()  # of the event that came last
+        self._given = Modifiers(), -1.0  # modifiers and time of the event that is given now: it may have waited
         self._travelled = 0.0
         self._last_click = (-1.0, "", (0.0, 0.0))  # when, with which button, where
         self.window_events = WindowEvents(host, self)
@@ -97,21 +69,31 @@ class Input:
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods, key, action)
-        give = partial(self._take_key, key, scancode, action, mods)
+        give = self._later(self._take_key, key, scancode, action, mods)
         chord = bool(mods & glfw.MOD_CONTROL)
         letter = self.keyboard.chord(key, scancode, action, mods)[0] if chord and action == glfw.PRESS else ""
         if not self._in_order.keeps_key(letter, self._modifiers.control, give):
             give()
 
+    def _later(self, take: Callable[..., object], *of_event: object) -> Callable[[], object]:
+        """Gives an event that came now, whenever it is called, with the modifiers and the time that it has."""
+        of_now = self._modifiers, self._clock()
+
+        def give() -> None:
+            self._given = of_now
+            take(*of_event)
+
+        return give
+
     def _take_key(self, key: int, scancode: int, action: int, mods: int) -> None:
         """Gives a key at once, or to the text that is coming."""
-        give = partial(self._give_key, key, scancode, action, mods)
+        give = partial(self._give_key, key, scancode, action, mods, self._given[0])
         glfw, coming = self._host.glfw, self._host.toolbox.text_coming
         if mods & glfw.MOD_CONTROL or not self.text_ahead.keeps_key(self.keyboard.names.get(key, ""), action != glfw.RELEASE,
                                                                     coming, give):
             give()
 
-    def _give_key(self, key: int, scancode: int, action: int, mods: int) -> None:
+    def _give_key(self, key: int, scancode: int, action: int, mods: int, modifiers: Modifiers) -> None:
         """Gives a key to imgui, and to what else it is for."""
         host = self._host
         glfw, imgui = host.glfw, host.imgui
@@ -122,7 +104,7 @@ class Input:
             if action == glfw.PRESS:
                 self.after_typing.do(partial(host.act, chord.action))
             return
-        use = partial(self._use_key, key, name, chord, action, mods, self._modifiers)
+        use = partial(self._use_key, key, name, chord, action, mods, modifiers)
         if self.after_typing or clicked:  # Esc after Ctrl+Q answers the question; a letter after a click into a text is typed
             self.after_typing.do(use)
         else:
@@ -186,7 +168,7 @@ class Input:
 
     def on_pointer(self, _window, x: float, y: float) -> None:
         self._host.wake()
-        give = partial(self._take_pointer, x, y)
+        give = self._later(self._take_pointer, x, y)
         if not self._in_order.keeps_pointer(self._modifiers.control, give, move=True):
             give()
 
@@ -221,7 +203,7 @@ class Input:
 
     def _tool(self, kind: Literal["press", "release", "move", "wheel", "leave"], *, delta: tuple[float, float] = (0.0, 0.0),
               clicks: int = 0, notches: float = 0.0) -> None:
-        event = PointerEvent(kind, self.position, delta, self._button, clicks, notches, self._modifiers)
+        event = PointerEvent(kind, self.position, delta, self._button, clicks, notches, self._given[0])
         self._host.toolbox.pointer(event, self._host.tools)
 
     def on_button(self, _window, button: int, action: int, mods: int) -> None:
@@ -232,7 +214,7 @@ class Input:
         if action == glfw.PRESS:
             host.session.flight.stop_glide()
         self._modifiers = self.keyboard.modifiers(mods)
-        give = partial(self._take_button, button, action, mods)
+        give = self._later(self._take_button, button, action, mods)
         if not self._in_order.keeps_pointer(self._modifiers.control, give):
             give()
 
@@ -261,7 +243,7 @@ class Input:
                 self._tool("press")
 
     def _release(self, name: str) -> None:
-        now, clicks = self._clock(), 0
+        now, clicks = self._given[1], 0
         if self._travelled <= _CLICK:
             before, button, place = self._last_click
             near = abs(self.pointer[0] - place[0]) + abs(self.pointer[1] - place[1]) <= _CLICK
@@ -300,7 +282,7 @@ class Input:
     def on_scroll(self, _window, dx: float, dy: float) -> None:
         self._host.wake()
         self._host.answers.note()
-        give = partial(self._take_scroll, dx, dy)
+        give = self._later(self._take_scroll, dx, dy)
         if not self._in_order.keeps_pointer(self._modifiers.control, give):
             give()
 

@@ -3,33 +3,14 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Protocol
 
-from ..session.session import Session
 from .after_typing import AfterTyping
-
-if TYPE_CHECKING:
-    from ..kit.theme import Theme
-
-
-class Owner(Protocol):
-    """What the callbacks need of the owner of the window.  window: GLFW's handle.  address: the same as a number."""
-
-    glfw: Any
-    imgui: Any
-    window: Any
-    address: int
-    session: Session
-    theme: "Theme"
-
-    def wake(self) -> None: ...
-    def request_close(self) -> None: ...
-    def open(self, paths: list[Path]) -> None: ...
-    def interface_scale(self) -> float: ...
+from .window_host import Host
 
 
 class Events(Protocol):
-    """What they need of the events of keys and mouse."""
+    """What the callbacks need of the events of keys and mouse."""
 
     after_typing: AfterTyping
 
@@ -39,7 +20,7 @@ class Events(Protocol):
 class WindowEvents:
     """The callbacks of one window.  events: those of its keys and its mouse."""
 
-    def __init__(self, host: Owner, events: Events):
+    def __init__(self, host: Host, events: Events):
         self._host, self._events = host, events
 
     def connect(self) -> None:

@@ -4,7 +4,7 @@ Statues and machines, in which nobody can stand, and terrain are framed entire; 
 core, the core.  Frame: the upright world, +z up, file units.  Works on a uniform subsample of the points.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,24 +29,12 @@ View = tuple[np.ndarray, np.ndarray]
 """(3,) position and (3,) direction of a view."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Core:
-    """A :class:`Sampled` with another range."""
-
-    points: np.ndarray
-    level: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    spacing: float
-    metre: float
-
-
 def framed_range(seen: Sampled) -> Sampled:
     """``seen`` with the range that a view of the whole scan frames: of nearly all of its points, or of their core."""
     low, high = np.percentile(seen.points, [_CORE, 100 - _CORE], axis=0) if len(seen.points) else (seen.low, seen.high)
     if np.linalg.norm(high - low) >= _SPREAD_OUT * np.linalg.norm(seen.high - seen.low):
         return seen
-    return _Core(seen.points, seen.level, low, high, seen.spacing, seen.metre)
+    return replace(seen, low=low, high=high)
 
 
 def inner_points(seen: Sampled, most: int = _FEW) -> np.ndarray:

@@ -6,7 +6,7 @@ say).  Works on a few hundred thousand points of the coarse density layers, whic
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -62,9 +62,11 @@ STEEPEST_SLOPE = 0.6
 
 
 class Sampled(Protocol):
-    """points: (n, 3) float64.  level: (n,) float32 brightness, 0 to 1, 0 for black points, which have no colour.  low, high:
-    (3,) float64, the range of 98 % of the points along each axis.  spacing: of the scan's points.  metre: file units in a
-    metre."""
+    """A dataclass.  points: (n, 3) float64.  level: (n,) float32 brightness, 0 to 1, 0 for black points, which have no colour.
+    low, high: (3,) float64, the range of 98 % of the points along each axis.  spacing: of the scan's points.  metre: file units
+    in a metre."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def points(self) -> np.ndarray: ...

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....picture.clip import Box, Clip, vector
-from ...kit.sliders import number_input
+from ...kit.number_field import number_input, say_at_field
 
 AXES = ("x", "y", "z")
 SIDES = ("length", "width", "height")
@@ -31,53 +31,42 @@ def with_size(box: Box, axis: int, value: float) -> Box:
     return replace(box, half=vector(half))
 
 
-class ClipNumbers:
-    """The fields of one clip.  What is typed is limited to sizes and places that can be seen beside the scan, and what became
-    of it is said when the field is left: letters before the last one are numbers, too."""
+def clip_fields(ui: Any, clip: Clip, places: int, bounds: np.ndarray, store: Callable[[str, Clip, str], object]) -> None:
+    """Rows of fields.  What is typed is limited to sizes and places that can be seen beside the scan, and that is said at the
+    field.  places: decimals that are shown.  bounds: (2, 3) of the scan.  store: takes what was done, the clip as typed, and
+    what was typed in."""
+    extent = float(np.ptp(bounds, axis=0).max())
+    for axis, name in enumerate(AXES):
+        limits = bounds[0, axis] - FARTHEST * extent, bounds[1, axis] + FARTHEST * extent
+        value = limited_field(ui, name, clip.centre[axis], f"%.{places}f", limits)
+        if value is not None:
+            store(f"Move {clip.name}", with_centre(clip, axis, value), name)
+    if not isinstance(clip, Box):
+        return
+    for axis, name in enumerate(SIDES):
+        value = limited_field(ui, name, 2 * clip.half[axis], f"%.{places}f", size_limits(extent))
+        if value is not None:
+            store(f"Size of {clip.name}", with_size(clip, axis, value), name)
 
-    def __init__(self) -> None:
-        self._said = ""
 
-    def draw(self, ui: Any, clip: Clip, places: int, bounds: np.ndarray, store: Callable[[str, Clip, str], object],
-             say: Callable[[str], object]) -> None:  # fmt: skip
-        """Rows of fields.  places: decimals that are shown.  bounds: (2, 3) of the scan.  store: takes what was done, the clip
-        as typed, and what was typed in, so that the letters of one number are one step.  say: takes one line."""
-        extent = float(np.ptp(bounds, axis=0).max())
-        for axis, name in enumerate(AXES):
-            limits = bounds[0, axis] - FARTHEST * extent, bounds[1, axis] + FARTHEST * extent
-            value = self.typed(ui, name, clip.centre[axis], f"%.{places}f", limits, say)
-            if value is not None:
-                store(f"Move {clip.name}", with_centre(clip, axis, value), name)
-        if not isinstance(clip, Box):
-            return
-        for axis, name in enumerate(SIDES):
-            value = self.typed(ui, name, 2 * clip.half[axis], f"%.{places}f", size_limits(extent), say)
-            if value is not None:
-                store(f"Size of {clip.name}", with_size(clip, axis, value), name)
-
-    def typed(self, ui: Any, name: str, value: float, form: str, limits: tuple[float, float], say: Callable[[str], object]
-              ) -> float | None:  # fmt: skip
-        """A field behind its name.  limits: lowest and highest; where the lowest is above 0, the number is a size.  Returns the
-        number that was typed, within the limits; None where none was."""
-        if name in (*AXES, *SIDES):
-            ui.align_text_to_frame_padding()
-            ui.text_unformatted(name)
-            ui.same_line(ui.calc_text_size("m" * 5).x)
-        ui.set_next_item_width(-1)
-        changed, read = number_input(ui, f"##{name}", value, form)
-        found = None
-        if changed:
-            wanted = "a size above 0" if limits[0] > 0 else "a number"
-            if np.isnan(read) or (limits[0] > 0 and read <= 0):
-                self._said = f"{name} {read:g}: expected {wanted}; it stays as it was"
-            else:
-                found = float(np.clip(read, *limits))
-                self._said = "" if found == read else (f"{name} {read:g} is limited to {found:g}: "
-                                                       f"{FARTHEST:g} times the scan's extent is seen at most")
-        if self._said and ui.is_item_deactivated_after_edit():
-            say(self._said)
-            self._said = ""
-        return found
+def limited_field(ui: Any, name: str, value: float, form: str, limits: tuple[float, float]) -> float | None:
+    """A field behind its name.  limits: lowest and highest; where the lowest is above 0, the number is a size.  Returns the
+    number that was typed, within the limits; None where none was."""
+    if name in (*AXES, *SIDES):
+        ui.align_text_to_frame_padding()
+        ui.text_unformatted(name)
+        ui.same_line(ui.calc_text_size("m" * 5).x)
+    ui.set_next_item_width(-1)
+    changed, read = number_input(ui, f"##{name}", value, form)
+    if not changed:
+        return None
+    if limits[0] > 0 and read <= 0:
+        say_at_field(ui, f"{name} {read:g}: expected a size above 0; it stays as it was")
+        return None
+    found = float(np.clip(read, *limits))
+    if found != read:
+        say_at_field(ui, f"{name} {read:g} is limited to {found:g}: {FARTHEST:g} times the scan's extent is seen at most")
+    return found
 
 
 def size_limits(extent: float) -> tuple[float, float]:

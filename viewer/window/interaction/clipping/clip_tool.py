@@ -15,7 +15,7 @@ from ..editing import edit, end, metres_per_unit, unit_of
 from ..outline import Group, Row
 from ..tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 from .box_volume import BoxVolume
-from .clip_numbers import ClipNumbers, size_limits
+from .clip_numbers import clip_fields, limited_field, size_limits
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
@@ -130,7 +130,6 @@ class ClipTool(Tool):
         self._dragged: Clip | None = None  # the clip as the drag has left it
         self._gesture = 0
         self.volume = BoxVolume()
-        self._numbers = ClipNumbers()
 
     def _clip(self, context: ToolContext) -> Clip | None:
         clips = context.document.clips
@@ -267,14 +266,14 @@ class ClipTool(Tool):
         if changed:
             self._store(context, f"Invert {clip.name}", replace(clip, removes=removes))
         if isinstance(clip, Slab):
-            thickness = self._numbers.typed(ui, "thickness", clip.thickness, f"%.4g {unit_of(context)} thick",
-                                            size_limits(extent_of(context)), context.toast)
+            thickness = limited_field(ui, "thickness", clip.thickness, f"%.4g {unit_of(context)} thick",
+                                      size_limits(extent_of(context)))
             if thickness is not None:
                 self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=thickness), "thickness")
         metres = metres_per_unit(context)
         assert context.scene is not None
-        self._numbers.draw(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3, context.scene.bounds,
-                           lambda what, typed, field: self._store(context, what, typed, ("typed", field)), context.toast)
+        clip_fields(ui, clip, max(0, min(6, round(3 + np.log10(metres)))) if metres else 3, context.scene.bounds,
+                    lambda what, typed, field: self._store(context, what, typed, ("typed", field)))
         for degrees in (-15.0, 15.0):
             if ui.button(f"turn {degrees:+.0f}°"):
                 self._store(context, f"Turn {clip.name}", turned(clip, degrees, np.array(context.document.up)))

@@ -9,7 +9,7 @@ from ....work.comparing.distance_statistics import change_words
 from ....work.comparing.facing import TEXTS
 from ....work.comparing.scene_changes import Coloured, SceneDistances
 from ....work.scan_files import FilePart
-from ...kit.sliders import number_input
+from ...kit.number_field import number_input, say_at_field
 from ...kit.widgets import work_rows
 from ...kit.worker import Worker
 from ..tool import ToolContext
@@ -114,9 +114,11 @@ def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
         _methods(ui, tool)
     ui.text_unformatted(f"registration unsure by, {tool.unit(context)}")
     ui.set_next_item_width(-1)
-    value = number_input(ui, "##registration", tool.registration, "%.4g")[1]
-    if np.isfinite(value) and value >= 0:
-        tool.registration = float(value)
+    changed, value = number_input(ui, "##registration", tool.registration, "%.4g")
+    if value >= 0:
+        tool.registration = value
+    elif changed:
+        say_at_field(ui, f"{value:g}: expected 0 or more; it stays as it was")
     if ui.is_item_hovered():
         ui.set_tooltip("95 %, as Align and `pointglass align` state it; it is added to the uncertainty of each distance")
 
@@ -168,9 +170,11 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
                        f"positive (red): {TEXTS[tool.made.distances.rule]}")
     ui.text_unformatted(f"colours end at ±, {unit}")
     ui.set_next_item_width(-1)
-    entered, value = number_input(ui, "##range", found.limit, "%.4g", ui.InputTextFlags_.enter_returns_true)
-    if (entered or ui.is_item_deactivated_after_edit()) and np.isfinite(value) and value > 0 and value != found.limit:
-        tool.show(context, limit=float(value))
+    changed, value = number_input(ui, "##range", found.limit, "%.4g")
+    if changed and value > 0:
+        tool.show(context, limit=value)
+    elif changed:
+        say_at_field(ui, f"{value:g}: expected a distance above 0; it stays as it was")
     if ui.button("auto"):
         tool.show(context, limit=None)
     for label, share in _SHARES.items():

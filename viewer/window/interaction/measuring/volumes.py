@@ -15,7 +15,7 @@ from ....work.measuring.profile import WIDTH, Profile, measured_profile
 from ....work.measuring.volume import Volume
 from ....work.scan_files import files_of
 from ....work.selection import Selection
-from ...kit.sliders import number_input
+from ...kit.number_field import number_input
 from ...kit.worker import Worker
 from ...session.two_dates import dates_of
 from ..editing import drawn_points, unit_of

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ....common.rigid_transform import IDENTITY, Rows, motion_text
-from ...kit.sliders import number_input
+from ...kit.number_field import number_input
 from ..editing import unit_of
 from ..tool import ToolContext
 
@@ -28,10 +28,10 @@ def move_fields(ui: Any, tool: Moving, context: ToolContext) -> None:
     unit = unit_of(context)
     for axis, name in enumerate("xyz"):
         changed, value = number_field(ui, f"move {name}", tool.shift[axis], f"%.4f {unit}")
-        if changed and np.isfinite(value):
+        if changed:
             tool.shift[axis] = value
     changed, value = number_field(ui, "turn", tool.degrees, "%.4f°")
-    if changed and np.isfinite(value):
+    if changed:
         tool.degrees = value
     ui.begin_disabled(not (any(tool.shift) or tool.degrees))
     if ui.button("Move"):

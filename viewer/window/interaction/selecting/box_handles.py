@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....picture.clip import Box, Vector, vector
-from ..clipping.clip_numbers import ClipNumbers
+from ..clipping.clip_numbers import clip_fields
 from ..clipping.clip_tool import EDGES, GRIP, along_axis, extent_of, handles, with_face_moved
 from ..tool import PointerEvent, ToolContext
 
@@ -22,7 +22,6 @@ class BoxHandles:
 
     def __init__(self) -> None:
         self.box: Box | None = None
-        self._numbers = ClipNumbers()
         self._face: int | None = None
         self._grabbed = 0.0
         self._start: Box | None = None
@@ -72,7 +71,7 @@ class BoxHandles:
     def panel(self, ui: Any, places: int, context: ToolContext) -> None:
         """Its numbers.  places: decimals."""
         if self.box is not None and context.scene is not None:
-            self._numbers.draw(ui, self.box, places, context.scene.bounds, self._typed, context.toast)
+            clip_fields(ui, self.box, places, context.scene.bounds, self._typed)
 
     def _typed(self, _what: str, clip: Any, _field: str) -> None:
         self.box = clip

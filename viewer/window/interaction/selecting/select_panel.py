@@ -8,7 +8,7 @@ from ....picture.colour_modes import CLASSES
 from ....picture.regions import LAST_CLASS
 from ....work.selecting.connected_region import usual_gap
 from ....work.selecting.select_points import HOW
-from ...kit.sliders import number_input
+from ...kit.number_field import number_input
 from ..editing import edit, metres_per_unit, unit_of
 from ..tool import ToolContext
 from .listed_sets import class_name, thousands
@@ -83,7 +83,7 @@ class SelectPanel:
             usual = usual_gap(context.scene)
             changed, gap = number_input(ui, "##gap", tool.gap or usual, f"gap %.3f {unit_of(context)}")
             if changed:
-                tool.gap = gap if np.isfinite(gap) and gap > 0 else None
+                tool.gap = gap if gap > 0 else None
             self._tip(ui, "Points farther apart do not hang together; 0: from the spacing of the points")
 
     def _box(self, ui: Any, context: ToolContext) -> None:

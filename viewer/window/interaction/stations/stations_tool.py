@@ -15,6 +15,7 @@ from ....common.rigid_transform import Rows
 from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
 from ....readers.moved_source import move_of, moved_pose, moves_at
+from ....work.measuring.measure_text import length_text
 from ....work.places.pick import station_name
 from ...kit import icons
 from ...kit.sliders import slider_float
@@ -279,8 +280,7 @@ class Stations(Tool):
             ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view{about_view(context)}")
         else:
             away = float(np.linalg.norm(context.camera.position - shown.photo.position))
-            unit = "m" if metres_per_unit(context) else "units"
-            ui.text_wrapped(f"{away:.1f} {unit} from its place: the photograph has faded out")
+            ui.text_wrapped(f"{length_text(away, metres_per_unit(context))} from its place: the photograph has faded out")
         if ui.button("Back to its place"):
             stand_at(context, shown.photo.position, shown.photo.forward)
         if ui.button("Hide photograph"):
