@@ -30,7 +30,7 @@ def photograph():
     from pointglass.model.common.linear_light import to_linear, to_srgb
     from pointglass.model.synth.demo import STATIONS
     from pointglass.model.synth.place import Place
-    from pointglass.viewer.readers.e57.e57_photographs import StationPhoto
+    from pointglass.viewer.readers.photographs.posed_photograph import PosedPhotograph
 
     place, (width, height) = Place(1), PHOTO
     light = np.zeros((height, width, 3))
@@ -44,8 +44,8 @@ def photograph():
     picture = np.round(to_srgb(light / 4) * 255).astype(np.uint8)
     pose = np.eye(4)
     pose[:3, 3] = STATIONS[0]
-    fx, fy = width / (2 * np.pi), height / np.pi
-    return StationPhoto("station 1", "spherical", picture, fx, fy, width / 2, height / 2, pose, around=True)
+    lens = width / (2 * np.pi), height / np.pi, width / 2, height / 2
+    return PosedPhotograph("station 1", "spherical", width, height, lens, True, pose, lambda _: (picture, None))
 
 
 def write_station_animation(path: Path, quality: str = "balanced") -> Path:
@@ -54,15 +54,17 @@ def write_station_animation(path: Path, quality: str = "balanced") -> Path:
     from pointglass.viewer.grid.open_scene import open_scene
     from pointglass.viewer.picture.background import composite
     from pointglass.viewer.picture.camera import from_fov, look_at
+    from pointglass.viewer.preprocess.closed_depth import filled_depth
     from pointglass.viewer.render.device.context import create_context
+    from pointglass.viewer.render.photographs.lone_photograph import photograph_alone
     from pointglass.viewer.render.renderer import Renderer
-    from pointglass.viewer.work.pictures.photo_in_view import blended, filled_depth, nearest_ranges, resampled, strength
-    from pointglass.viewer.work.places.standing_place import sample_scene
+    from pointglass.viewer.window.viewport.photo_blend import blended, strength
 
     photo, context = photograph(), create_context()
     scene = open_scene([demo_scan()])
     renderer = Renderer(context, scene)
-    ranges = nearest_ranges(photo, sample_scene(scene).points)
+    pool = renderer.photographs.alone(photo, wait=True)
+    assert pool is not None
     frames: list[Image.Image] = []
     try:
         for share in (1 - np.cos(np.linspace(0, np.pi, WALK))) / 2:
@@ -70,7 +72,7 @@ def write_station_animation(path: Path, quality: str = "balanced") -> Path:
             camera = from_fov(*SIZE, 64.0, look_at(eye, TARGET))
             frame = renderer.render(camera, Settings(quality=quality), views=("neural",))
             view, depth = frame.image("neural"), filled_depth(frame.depth())
-            shown = resampled(photo, camera, depth, ranges if share > 0 else None)
+            shown = photograph_alone(depth, camera, pool, 0, hides=share > 0)
             if share == 0:
                 for column in np.linspace(SIZE[0], SIZE[0] * 0.5, SLIDE).round().astype(int):
                     picture = composite(blended(view, shown, 1.0, split=int(column)))

@@ -107,19 +107,20 @@ def _find_ghosts_and_show_photograph() -> None:
     from .grid.open_scene import scene_from_arrays
     from .picture.camera import from_fov
     from .preprocess.scan_description import ScanDescription, ScanSummary
-    from .readers.e57.e57_photographs import StationPhoto
+    from .render.photographs.lone_photograph import photograph_alone
+    from .render.photographs.photo_pool import PhotoPool, prepared_photo
     from .work.ghosts import find_ghosts
-    from .work.pictures.photo_in_view import nearest_ranges, resampled
 
     rng = np.random.default_rng(0)
     stations = ScanDescription(scans=tuple(ScanSummary(name, 1000, position) for name, position in
                                            (("a", (1.0, 1.0, 1.0)), ("b", (3.0, 3.0, 1.0)))))
     find_ghosts(scene_from_arrays(rng.uniform(0, 4, (2000, 3)), np.zeros((2000, 3), np.uint8),
                                   scan=np.repeat([0, 1], 1000).astype(np.uint8), meta=stations, noise=False))
-    picture = np.zeros((8, 16, 3), np.uint8)
-    photo = StationPhoto("", "spherical", picture, 8 / np.pi, 8 / np.pi, 8.0, 4.0, np.eye(4), around=True)
-    camera, depth = from_fov(16, 8, 60.0, np.eye(4)), np.ones((8, 16), np.float32)
-    resampled(photo, camera, depth, nearest_ranges(photo, np.ones((1, 3))))
+    lens, nearest = (8 / np.pi, 8 / np.pi, 8.0, 4.0), np.ones((4, 8), np.float32)
+    photo = prepared_photo(np.zeros((8, 16, 3), np.uint8), None, 1, lens, True, np.eye(4), nearest, np.ones(3))
+    pool = PhotoPool(1, len(photo.words))
+    pool.put(0, photo)
+    photograph_alone(np.ones((8, 16), np.float32), from_fov(16, 8, 60.0, np.eye(4)), pool, 0, hides=True)
 
 
 def _compare() -> None:

@@ -90,12 +90,14 @@ def _check_chunk(chunk) -> None:
 
 def _photographs(path: Path) -> None:
     from pointglass.viewer.readers.e57.e57_images import read_photographs
-    from pointglass.viewer.readers.e57.e57_photographs import read_station_photos
+    from pointglass.viewer.readers.e57.e57_photographs import posed_photographs
 
-    for read in (read_station_photos, read_photographs):
-        for line in read(path, longest=64)[1]:
-            if "\n" in line:
-                raise Wrong(f"a warning of several lines: {line[:200]!r}")
+    found, warnings = posed_photographs(path)
+    for line in [*warnings, *read_photographs(path, longest=64)[1]]:
+        if "\n" in line:
+            raise Wrong(f"a warning of several lines: {line[:200]!r}")
+    for photo in found:
+        photo.decode(64)
 
 
 def _grid(path: Path, depth: int) -> None:

@@ -107,6 +107,23 @@ def hit(position: np.ndarray, ray: np.ndarray) -> np.ndarray:
     return position + ray * t[..., None]
 
 
+def projected(photo, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (n, 2), column and row, of points (n, 3) in a PosedPhotograph, and which it shows: plain NumPy of the standard."""
+    x, y, z = ((np.asarray(points, np.float64) - photo.position) @ photo.camera_to_world[:3, :3]).T
+    fx, fy, cx, cy = photo.lens
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if photo.kind == "pinhole":
+            column, row, seen = cx - x / z * fx, cy + y / z * fy, z < 0
+        else:
+            flat = np.hypot(x, y)
+            rise = np.arctan2(z, flat) if photo.kind == "spherical" else z / flat
+            column, row, seen = cx - np.arctan2(y, x) * fx, cy - rise * fy, flat + np.abs(z) > 0
+    if photo.around:
+        column = np.mod(column, photo.width)
+    seen = seen & (column >= 0) & (column <= photo.width) & (row >= 0) & (row <= photo.height)
+    return np.stack([column, row], axis=1), seen
+
+
 def room_points(count: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """xyz (count, 3), in file coordinates, and rgb of points on the room's walls."""
     ray = np.random.default_rng(seed).normal(size=(count, 3))

@@ -37,6 +37,32 @@ def check_the_switch_changes_the_picture_and_gives_it_back(p: Person, folder: Pa
     p.d.picture("with photographs")
 
 
+def check_the_photograph_in_its_place_is_the_one_that_colours_the_picture(p: Person, folder: Path) -> None:
+    """A dark photograph, a click on it, the line against the view, a step aside, and its file gone."""
+    given = [pinhole((0.0, 0.0, 0.0), k * np.pi / 2, name=f"dark {k}", size=(480, 480), fl=240.0, gain=0.7) for k in range(2)]
+    p.d.drop(write_photos(folder / "dark.e57", given, *room_points(80_000)))
+    p.opened("dark.e57")
+    session, viewport, layer = p.d.session, p.d.app.viewport, p.d.app.viewport.photos
+    session.view_settings.show("filled")
+    tool = p.d.app.toolbox.active
+    p.d.until(lambda: tool.photos, 60.0)
+    p.click("dark 0 (pinhole)")
+    library = viewport.renderer.photographs.library("auto")
+    p.d.until(lambda: viewport.frame.facts.photographs and library.missing == 0 and layer.psnr is not None, 60.0)
+    p.d.settle()
+    assert layer.psnr > 35, f"{layer.psnr:.1f} dB: the exposure of the points in both"
+    p.click("split against the view")
+    p.d.picture("photograph and picture")
+    eye = session.work.photo.photo.position
+    session.flight.go(view_along(eye + (0.0, 0.4, 0.1), (1.0, 0.1, 0.0), 1.0))
+    p.d.settle()
+    assert layer.psnr > 28, f"{layer.psnr:.1f} dB beside its place"
+    p.d.picture("photograph and picture, beside its place")
+    session.flight.go(view_along(eye - (1.0, 0.0, 0.0), (1.0, 0.1, 0.0), 1.0))
+    p.click("Hide photograph")
+    assert session.work.photo is None
+
+
 def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undone(p: Person, folder: Path) -> None:
     e57_photo_files.paint = e57_photo_files.patches
     reference_views.TURNS, photo_search.PLACES = ((0.0, 8, 0.0),), 1  # fewer views: less time
@@ -53,7 +79,7 @@ def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undon
     assert work.document.photographs, tool.placer.said
     placed, = work.document.photographs
     assert np.linalg.norm(np.array(placed.camera_to_world)[:3, 3] - AWAY - (0.4, -0.3, 0.2)) < 0.06
-    assert work.photo is not None and work.photo.photo.name == "unplaced"
+    assert work.photo is not None and work.photo.photo.title == "unplaced"
     p.d.settle()
     p.d.picture("a photograph placed by search")
     write_project(folder / "placed.pointglass", work.document)

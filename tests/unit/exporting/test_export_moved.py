@@ -12,7 +12,7 @@ from las_files import random_las
 
 from pointglass.viewer import cli
 from pointglass.viewer.common.rigid_transform import Rows, moved_points, rigid, rotation_about
-from pointglass.viewer.readers.e57.e57_photographs import read_station_photos
+from pointglass.viewer.readers.e57.e57_photographs import posed_photographs
 from pointglass.viewer.readers.formats import open_source
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import write_project
@@ -114,8 +114,8 @@ def test_photographs_of_a_moved_e57_stand_at_their_new_places(tmp_path, seed):
     transform = motion(np.random.default_rng(seed))
     scan = write_photos(tmp_path / "a.e57", [pinhole(AWAY, 0.3)], *room_points(COUNT))
     export(project(tmp_path, (scan, transform)), tmp_path / "out.e57")
-    (before,), _ = read_station_photos(scan)
-    (after,), _ = read_station_photos(tmp_path / "out.e57")
+    (before,), _ = posed_photographs(scan)
+    (after,), _ = posed_photographs(tmp_path / "out.e57")
     np.testing.assert_allclose(after.camera_to_world, np.array(transform) @ before.camera_to_world, atol=1e-9)
 
 

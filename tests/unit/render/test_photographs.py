@@ -1,12 +1,16 @@
 """The compiled loops of photographs against their reference implementation, on random places, photographs and cameras."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from e57_photo_files import projected
 from scipy.spatial.transform import Rotation
 
 from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.picture.camera import Camera
-from pointglass.viewer.readers.e57.e57_photographs import KINDS, StationPhoto
+from pointglass.viewer.readers.e57.e57_photographs import KINDS
+from pointglass.viewer.readers.photographs.posed_photograph import PosedPhotograph
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import LEVEL, LEVELS, PhotoPool, mip_levels, prepared_photo
 from pointglass.viewer.render.photographs.shadow_kernels import VOTES, count_votes
@@ -49,7 +53,7 @@ def random_surface(rng):
 
 
 def test_each_place_votes_for_the_photographs_that_show_it_best(seed):
-    """The choice among many, against StationPhoto.project and a sort."""
+    """The choice among many, against a plain projection and a sort."""
     rng = np.random.default_rng(seed)
     places, eye = rng.uniform(-3, 3, (40, 3)), rng.normal(0, 0.5, 3)
     view = (places - eye) / np.linalg.norm(places - eye, axis=1, keepdims=True)
@@ -57,13 +61,14 @@ def test_each_place_votes_for_the_photographs_that_show_it_best(seed):
     for k in range(60):
         picture, _, kind, lens, around, pose, _, _ = random_photo(rng, k % 3)
         pose[:3, 3] *= 4
-        photos.append(StationPhoto("", KINDS[kind], picture, *lens, pose, around))
+        height, width = picture.shape[:2]
+        photos.append(PosedPhotograph("", KINDS[kind], width, height, lens, around, pose, partial(np.asarray, picture)))
     worth = np.zeros((len(photos), len(places)))
     for k, photo in enumerate(photos):
         ray = places - photo.position
         far = np.linalg.norm(ray, axis=1)
         apart = 1 - (ray * view).sum(axis=1) / far
-        worth[k] = np.where(photo.project(places)[1], photo.fx / ((reference.LEAST_ANGLE + apart) * far), 0)
+        worth[k] = np.where(projected(photo, places)[1], photo.lens[0] / ((reference.LEAST_ANGLE + apart) * far), 0)
     expected = np.zeros(len(photos))
     for p in range(len(places)):
         for rank, k in enumerate(np.argsort(-worth[:, p], kind="stable")[:VOTES]):
@@ -72,9 +77,9 @@ def test_each_place_votes_for_the_photographs_that_show_it_best(seed):
     votes = np.zeros(len(photos))
     count_votes(places, view, votes, turns, np.stack([-turn @ photo.position for turn, photo in zip(turns, photos)]),
                 np.array([KINDS.index(photo.kind) for photo in photos]),
-                np.array([(photo.fx, photo.fy, photo.cx, photo.cy) for photo in photos]),
+                np.array([photo.lens for photo in photos]),
                 np.array([photo.around for photo in photos]),
-                np.array([photo.picture.shape[1::-1] for photo in photos], np.float64))  # fmt: skip
+                np.array([(photo.width, photo.height) for photo in photos], np.float64))  # fmt: skip
     assert np.allclose(votes, expected)
 
 

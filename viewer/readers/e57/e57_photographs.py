@@ -9,7 +9,6 @@ and cylindrical have z up, azimuth counterclockwise from x.  A pixel spans [i, i
 - cylindrical: ``column = cx - azimuth * fx``, ``row = cy - z / hypot(x, y) * fy``, with fy = radius / pixelHeight.
 """
 
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -25,69 +24,6 @@ from .e57_nodes import first_line, library, open_e57, text_of
 KINDS = ("pinhole", "spherical", "cylindrical")
 LONGEST = 4096
 """Pixels of a photograph's longer side as it is kept; larger ones are averaged down."""
-
-
-@dataclass(frozen=True, eq=False)
-class StationPhoto:
-    """kind: one of KINDS.  picture: (H, W, 3) uint8 sRGB.  valid: (H, W) bool, where it holds anything; None: everywhere.
-    fx, fy, cx, cy: as in the module's docstring.  around: whether the columns close a full circle.
-    camera_to_world: (4, 4) float64.  scan: index of the E57 scan it belongs to, None where the file does not say."""
-
-    name: str
-    kind: str
-    picture: np.ndarray
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    camera_to_world: np.ndarray
-    around: bool = False
-    valid: np.ndarray | None = None
-    scan: int | None = None
-
-    @property
-    def position(self) -> np.ndarray:
-        """(3,) file coordinates of the centre of projection."""
-        return self.camera_to_world[:3, 3]
-
-    @property
-    def forward(self) -> np.ndarray:
-        """(3,) unit vector, file frame: towards the centre of the picture."""
-        return self.camera_to_world[:3, :3] @ ((0.0, 0.0, -1.0) if self.kind == "pinhole" else (1.0, 0.0, 0.0))
-
-    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Projects points (n, 3), file coordinates, to pixels (n, 2) float64, column and row; and which are in the picture."""
-        x, y, z = ((np.asarray(points, np.float64) - self.position) @ self.camera_to_world[:3, :3]).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            if self.kind == "pinhole":
-                column, row = self.cx - x / z * self.fx, self.cy + y / z * self.fy
-                seen = z < 0
-            else:
-                flat = np.hypot(x, y)
-                rise = np.arctan2(z, flat) if self.kind == "spherical" else z / flat
-                column, row, seen = self.cx - np.arctan2(y, x) * self.fx, self.cy - rise * self.fy, flat + np.abs(z) > 0
-        height, width = self.picture.shape[:2]
-        if self.around:
-            column = np.mod(column, width)
-        seen = seen & (column >= 0) & (column <= width) & (row >= 0) & (row <= height)
-        return np.stack([column, row], axis=1), seen
-
-
-def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[StationPhoto], list[str]]:
-    """The photographs of an E57 that have a geometry and a pose, and warnings about the others.
-
-    Raises InputError naming the image where a picture is damaged or its geometry is impossible.
-    """
-    check_file(path)
-    with open_e57(path) as file:
-        entries, warnings = listed_photographs(path, file.root(), KINDS)
-        photos = []
-        for entry in entries:
-            try:
-                photos.append(_photo(entry, longest))
-            except library().E57Exception as error:
-                raise InputError(f"{entry.label}: {first_line(error)}", remedy="copy or export it again") from None
-    return photos, warnings
 
 
 def pinhole_cameras(path: Path) -> tuple[dict[int, Camera], dict[int, int], int]:
@@ -116,13 +52,6 @@ def _lens(entry, width: float, height: float) -> tuple[float, float, float, floa
         raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels", remedy="export it again")
     cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
     return fx, fy, cx, cy
-
-
-def _photo(entry, longest: int) -> StationPhoto:
-    width, height, (fx, fy, cx, cy), around = _geometry(entry)
-    picture, valid, (across, down) = _decoded(entry, width, height, longest)
-    return StationPhoto(entry.name, entry.kind, picture, fx * across, fy * down, cx * across, cy * down, entry.pose, around,
-                        valid, entry.scan)
 
 
 def _geometry(entry) -> tuple[float, float, Lens, bool]:
@@ -165,7 +94,7 @@ def posed_photographs(path: Path) -> tuple[list[PosedPhotograph], list[str]]:
                 warnings.append(f"{first_line(error) if not isinstance(error, InputError) else error}; skipped")
                 continue
             found.append(PosedPhotograph(entry.label, entry.kind, int(width), int(height), lens, around, entry.pose,
-                                         partial(_decode, path, entry.number)))
+                                         partial(_decode, path, entry.number), entry.name))
     return found, warnings
 
 

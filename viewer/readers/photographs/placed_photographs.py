@@ -1,4 +1,4 @@
-"""Photographs that a document has placed, as those that colour pictures and as those that are shown in place."""
+"""Photographs that a document has placed, as those that colour pictures."""
 
 from functools import partial
 from pathlib import Path
@@ -8,7 +8,6 @@ import numpy as np
 from ...common.errors import InputError
 from ...picture.photographs.placed_photograph import PlacedPhotograph
 from ..decoded_picture import decoded_picture
-from ..e57.e57_photographs import LONGEST, StationPhoto
 from .posed_photograph import PosedPhotograph
 
 
@@ -24,16 +23,7 @@ def posed(placed: PlacedPhotograph) -> PosedPhotograph:
     """The photograph with its pose, not decoded."""
     lens = placed.focal, placed.focal, placed.width / 2, placed.height / 2
     return PosedPhotograph(f"{placed.path}: photograph {placed.name!r}", "pinhole", placed.width, placed.height, lens, False,
-                           np.array(placed.camera_to_world), partial(_decode, placed))  # fmt: skip
-
-
-def shown_in_place(placed: PlacedPhotograph) -> StationPhoto:
-    """The photograph decoded, to be laid over the view.  Raises InputError where it is damaged or not there any more."""
-    picture, _ = _decode(placed, LONGEST)
-    height, width = picture.shape[:2]
-    across, down = width / placed.width, height / placed.height
-    return StationPhoto(placed.name, "pinhole", picture, placed.focal * across, placed.focal * down, width / 2, height / 2,
-                        np.array(placed.camera_to_world))  # fmt: skip
+                           np.array(placed.camera_to_world), partial(_decode, placed), placed.name)  # fmt: skip
 
 
 def _decode(placed: PlacedPhotograph, longest: int) -> tuple[np.ndarray, None]:

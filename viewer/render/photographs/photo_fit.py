@@ -116,6 +116,16 @@ def fitted(photo: "PosedPhotograph", picture: np.ndarray, valid: np.ndarray | No
     return replace(turned, refined=best)
 
 
+def unfitted(photo: "PosedPhotograph", size: tuple[int, int], sample: PointSample) -> PhotoFit:
+    """The stated pose with its shadow map, in its own colours, of a photograph that fits no points.
+
+    size: (height, width) of the decoded picture."""
+    nearest = shadow_map(_placed(photo, photo.camera_to_world, sample), size, sample.points)
+    if nearest is None:
+        nearest = np.full((1, 1), np.inf, np.float32)
+    return PhotoFit(photo.camera_to_world, nearest, np.ones(3), 0.0, 0.0)
+
+
 def _placed(photo: "PosedPhotograph", pose: np.ndarray, sample: PointSample) -> tuple:
     """The arguments of the loops behind the points."""
     turn = np.ascontiguousarray(pose[:3, :3].T)

@@ -19,7 +19,7 @@ from ....model.common.process.processors import usable_processors
 from ...common.errors import InputError
 from ...readers.e57.e57_photographs import KINDS
 from ...readers.photographs.posed_photograph import PosedPhotograph
-from .photo_fit import PhotoFit, PointSample, fitted, point_sample
+from .photo_fit import PhotoFit, PointSample, fitted, point_sample, unfitted
 from .photo_pool import PhotoPool, PreparedPhoto, prepared_photo
 from .shadow_kernels import count_votes
 
@@ -62,6 +62,7 @@ class PhotoLibrary:
         self._threads: ThreadPoolExecutor | None = None
         self._sampling = threading.Lock()
         self._chosen: tuple[tuple, list[int]] | None = None
+        self._lone: tuple[int, Future[PhotoPool]] | None = None
 
     @cached_property
     def _sample(self) -> PointSample:
@@ -77,6 +78,14 @@ class PhotoLibrary:
                 np.array([photo.lens for photo in self.photographs], np.float64),
                 np.array([photo.around for photo in self.photographs]),
                 np.array([(photo.width, photo.height) for photo in self.photographs], np.float64))  # fmt: skip
+
+    @cached_property
+    def _numbers(self) -> dict[tuple, int]:
+        return {photo.key: number for number, photo in enumerate(self.photographs)}
+
+    def number_of(self, photo: PosedPhotograph) -> int | None:
+        """Of a photograph at the same pose, also one that was read again; None where it is not here."""
+        return self._numbers.get(photo.key)
 
     def _sampled(self) -> PointSample:
         with self._sampling:
@@ -134,18 +143,40 @@ class PhotoLibrary:
             self._wake()
         return [number for number in wanted if number in self.pool]
 
+    def alone(self, number: int, *, wait: bool) -> PhotoPool | None:
+        """A pool with one photograph as number 0, whether or not it fits the points; None while a thread prepares it.
+
+        Raises InputError where the photograph is damaged."""
+        if self._lone is None or self._lone[0] != number:
+            self._lone = number, self._pool_of_threads().submit(self._prepared_alone, number)
+            self._lone[1].add_done_callback(lambda _: self._wake())
+        return self._lone[1].result() if wait or self._lone[1].done() else None
+
     @property
     def arrived(self) -> bool:
         """Whether a photograph that the last picture lacked is there now, or one in it has not faded in."""
         return self._fading or (self.missing > 0 and any(coming.done() for coming in self._coming.values()))
 
     def _begin(self, numbers: list[int]) -> None:
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(min(2, usable_processors()), "photographs")
         for number in numbers:
             if number not in self._coming:
-                self._coming[number] = self._threads.submit(self._prepare, number)
+                self._coming[number] = self._pool_of_threads().submit(self._prepare, number)
                 self._coming[number].add_done_callback(lambda _: self._wake())
+
+    def _pool_of_threads(self) -> ThreadPoolExecutor:
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(min(2, usable_processors()), "photographs")
+        return self._threads
+
+    def _prepared_alone(self, number: int) -> PhotoPool:
+        """On a thread.  Raises InputError."""
+        photo = self.photographs[number]
+        picture, valid = photo.decode(LONGEST)
+        fit = self._fit(number, picture, valid) or unfitted(photo, picture.shape[:2], self._sampled())
+        made = _made_ready(photo, picture, valid, fit)
+        pool = PhotoPool(1, len(made.words))
+        pool.put(0, made)
+        return pool
 
     def _prepare(self, number: int) -> PreparedPhoto | None:
         """On a thread: decoded and fitted; None where it is left out, which the log says."""
@@ -156,6 +187,12 @@ class PhotoLibrary:
             log.warning("%s; left out of pictures", error)
             self._fits[number] = None
             return None
+        fit = self._fit(number, picture, valid)
+        return None if fit is None else _made_ready(photo, picture, valid, fit)
+
+    def _fit(self, number: int, picture: np.ndarray, valid: np.ndarray | None) -> PhotoFit | None:
+        """None where it does not fit, which the log says once."""
+        photo = self.photographs[number]
         if number not in self._fits:
             fit = fitted(photo, picture, valid, self._sampled())
             if fit is not None and not fit.fits:
@@ -165,21 +202,22 @@ class PhotoLibrary:
             elif fit is not None and fit.refined:
                 log.warning("%s: its pose was turned by %.2f degrees to fit the points", photo.name, fit.refined)
             self._fits[number] = fit
-        fit = self._fits[number]
-        if fit is None:
-            return None
-        height, width = picture.shape[:2]
-        across, down = width / photo.width, height / photo.height
-        fx, fy, cx, cy = photo.lens
-        lens = fx * across, fy * down, cx * across, cy * down
-        return prepared_photo(picture, valid, KINDS.index(photo.kind), lens, photo.around, fit.camera_to_world, fit.nearest,
-                              fit.gains)  # fmt: skip
+        return self._fits[number]
 
     def release(self) -> None:
         """Ends its threads."""
         if self._threads is not None:
             self._threads.shutdown(wait=True, cancel_futures=True)
             self._threads = None
+
+
+def _made_ready(photo: PosedPhotograph, picture: np.ndarray, valid: np.ndarray | None, fit: PhotoFit) -> PreparedPhoto:
+    height, width = picture.shape[:2]
+    across, down = width / photo.width, height / photo.height
+    fx, fy, cx, cy = photo.lens
+    lens = fx * across, fy * down, cx * across, cy * down
+    return prepared_photo(picture, valid, KINDS.index(photo.kind), lens, photo.around, fit.camera_to_world, fit.nearest,
+                          fit.gains)  # fmt: skip
 
 
 def _words(photo: PosedPhotograph) -> int:

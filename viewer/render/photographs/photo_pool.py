@@ -4,7 +4,7 @@ A slot holds a photograph's mip levels, RGBA8 in a word, alpha 0 where the photo
 map as float32 bits.  Slots have one size, that of the largest photograph; the photograph used longest ago makes room.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -101,7 +101,7 @@ class PhotoPool:
             slot = self._slots.pop(next(other for other in self._slots if other not in keep))
         self._slots[number] = slot
         self.words[slot * self.size : slot * self.size + len(photo.words)] = photo.words
-        self._photos[slot] = PreparedPhoto(photo.words[:0], photo.places, photo.lens, photo.camera_to_world, photo.gains)
+        self._photos[slot] = replace(photo, words=photo.words[:0])
         self.changed.add(slot)
 
     def records(self, numbers: list[int], camera: "Camera") -> tuple[np.ndarray, np.ndarray]:

@@ -32,6 +32,7 @@ class ScenePhotographs:
         self.placed: tuple[PlacedPhotograph, ...] = ()
         self._libraries: dict[str, PhotoLibrary | None] = {}
         self._with_placed: tuple[tuple[str, tuple[PlacedPhotograph, ...]], PhotoLibrary] | None = None
+        self._lone: PhotoLibrary | None = None  # of a photograph that none of these holds
         self._last: PhotoLibrary | None = None
         self._resident: ResidentPool | None = None
 
@@ -70,6 +71,18 @@ class ScenePhotographs:
         self._last = None if off else self.library(settings.photos)
         return [] if self._last is None else self._last.ready(camera, wait=wait)
 
+    def alone(self, photo: "PosedPhotograph", *, wait: bool) -> "PhotoPool | None":
+        """A photograph by itself, as PhotoLibrary.alone: of the scan, of a folder, placed, or one that none of them holds."""
+        self.library("auto")
+        made = [*self._libraries.values(), self._with_placed and self._with_placed[1], self._lone]
+        for library in made:
+            if library is not None and (number := library.number_of(photo)) is not None:
+                return library.alone(number, wait=wait)
+        if self._lone is not None:
+            self._lone.release()
+        self._lone = PhotoLibrary(self._scene, [photo], self._wake)
+        return self._lone.alone(0, wait=wait)
+
     @property
     def pool(self) -> "PhotoPool":
         """Of the library that was last asked."""
@@ -101,6 +114,9 @@ class ScenePhotographs:
         if self._with_placed is not None:
             self._with_placed[1].release()
             self._with_placed = None
+        if self._lone is not None:
+            self._lone.release()
+            self._lone = None
         for library in self._libraries.values():
             if library is not None:
                 library.release()

@@ -16,8 +16,8 @@ from ...picture.edits import Edits
 from ...picture.point_sets import PointLevels
 from ...picture.settings import Settings
 from ...preprocess.scan_description import ScanDescription
-from ...readers.e57.e57_photographs import StationPhoto
 from ...readers.meshes.mesh_formats import scans_and_meshes
+from ...readers.photographs.posed_photograph import PosedPhotograph
 from ...work.document import Document, ScanFile, moved
 from ...work.history import History
 from ...work.measuring.measurement import Begun
@@ -48,7 +48,7 @@ LARGEST_SHOT = 4
 class ShownPhoto:
     """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only."""
 
-    photo: StationPhoto
+    photo: PosedPhotograph
     blend: float = 1.0
     split: bool = False
     split_at: float = 0.5

@@ -276,15 +276,15 @@ class Viewport:
                          area=session.area.place_of((camera.width, camera.height)))
         return self.canvas
 
-    def _developed(self, view: str, *, wait: bool = True, moved: bool = False) -> "moderngl.Texture":
-        """A view of the last picture as its description has it.  wait: for the photograph over it, which else follows later.
-        moved: as it stands in for the neural one."""
+    def _developed(self, view: str, *, wait: bool = True, moved: bool = False, whole: bool = False) -> "moderngl.Texture":
+        """A view of the last picture as its description has it.  moved: as it stands in for the neural one.  wait: for the
+        pixels under a photograph over it, which else follows later.  whole: for the photograph, too."""
         spec, photo = self._session.picture.spec, self._session.work.photo
         assert self.frame is not None and spec is not None
         made = self._composer.texture(self._moved_frame or self.frame if moved else self.frame, view, spec)
         if photo is None or self.renderer is None or spec.camera.orthographic is not None:
             return made
-        return self.photos.over(self.frame, view, made, spec.camera, photo, self.renderer.scene, wait=wait)
+        return self.photos.over(self.frame, view, made, spec.camera, photo, self.renderer, wait=wait, whole=whole)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
@@ -309,7 +309,7 @@ class Viewport:
         if self.frame is None or not session.screen.exact:
             self.frame, self._shown, self._asked = render(self.renderer, spec), spec.views, spec.views
             self._report(plan, self.frame)
-        images = [read_picture(self._developed(view)) for view in spec.views]
+        images = [read_picture(self._developed(view, whole=True)) for view in spec.views]
         return joined(images, spec.background, spec.titles, spec.split_at)
 
     def release(self) -> None:

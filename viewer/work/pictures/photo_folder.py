@@ -33,7 +33,7 @@ def photographs_in(folder: Path) -> list[PosedPhotograph]:
         if (path := pictures.get(camera.name)) is not None:
             lens = camera.fx, camera.fy, camera.cx, camera.cy
             found.append(PosedPhotograph(str(path), "pinhole", camera.width, camera.height, lens, False, camera.camera_to_world,
-                                         partial(_decode, path, (camera.width, camera.height))))
+                                         partial(_decode, path, (camera.width, camera.height)), path.name))
     if not found:
         raise InputError("holds no JPEG or PNG named like its cameras", file=folder)
     return found

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, of_file, of_scan, told
-from ....common.errors import InputError, PointglassError
+from ....common.errors import InputError
 from ....common.text import counted
 from ....picture.photographs.placed_photograph import PlacedPhotograph
-from ....readers.e57.e57_photographs import StationPhoto
 from ....readers.e57.e57_pictures import StoredPicture
-from ....readers.photographs.placed_photographs import shown_in_place
+from ....readers.photographs.placed_photographs import posed
+from ....readers.photographs.posed_photograph import PosedPhotograph
 from ....work.pictures.photo_folder import PHOTO_ENDINGS
 from ...kit.theme import fitted
 from ...kit.widgets import compact_button
@@ -38,7 +38,7 @@ class PhotoPlacer:
         self.worker: Worker | None = None
         self.said: list[str] = []
         self._views: tuple[ref[Scene], list[ReferenceView]] | None = None
-        self._shown: tuple[PlacedPhotograph, StationPhoto] | None = None
+        self._shown: tuple[PlacedPhotograph, PosedPhotograph] | None = None
 
     def search(self, context: ToolContext, photographs: Callable[[], list[UnplacedPhotograph]]) -> None:
         """Begins a search.  photographs: reads them, on the thread; raises PointglassError."""
@@ -79,22 +79,13 @@ class PhotoPlacer:
             self.show(context, placed[-1])
         context.toast(self.said[0] if len(self.said) == 1 else f"{len(placed)} of {counted(len(found), 'photograph')} placed")
 
-    def station_photo(self, context: ToolContext, placed: PlacedPhotograph) -> StationPhoto | None:
-        """The photograph decoded; None where that fails, which a dialog says."""
-        if self._shown is None or self._shown[0] != placed:
-            try:
-                self._shown = placed, shown_in_place(placed)
-            except PointglassError as error:
-                context.session.notices.say("The photograph cannot be shown", error)
-                return None
-        return self._shown[1]
-
     def show(self, context: ToolContext, placed: PlacedPhotograph) -> None:
         """Stands where it was taken, with the photograph over the view."""
         from .stand_at_photo import show_photo
 
-        if (photo := self.station_photo(context, placed)) is not None:
-            show_photo(context, photo)
+        if self._shown is None or self._shown[0] != placed:
+            self._shown = placed, posed(placed)
+        show_photo(context, self._shown[1])
 
     def draw(self, ui: Any, context: ToolContext, viewed: StoredPicture | None) -> None:
         """The placed photographs, and the buttons that search.  viewed: the photograph of the scan that is looked at."""
@@ -132,7 +123,7 @@ class PhotoPlacer:
         end(self.worker)
 
 
-def _is_over(context: ToolContext, photo: StationPhoto) -> bool:
+def _is_over(context: ToolContext, photo: PosedPhotograph) -> bool:
     return (shown := context.session.work.photo) is not None and shown.photo is photo
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ....readers.e57.e57_photographs import StationPhoto
+from ....readers.photographs.posed_photograph import PosedPhotograph
 from ...flight.navigation import view_along
 from ...session.work import ShownPhoto
 from ..tool import ToolContext
@@ -16,7 +16,7 @@ def stand_at(context: ToolContext, place: np.ndarray, direction: np.ndarray | No
     context.renew_picture()
 
 
-def show_photo(context: ToolContext, photo: StationPhoto) -> None:
+def show_photo(context: ToolContext, photo: PosedPhotograph) -> None:
     """Looks at the photograph's middle from its place."""
     context.session.work.photo = ShownPhoto(photo)
     stand_at(context, photo.position, photo.forward)

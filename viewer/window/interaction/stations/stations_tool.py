@@ -12,9 +12,10 @@ from weakref import ref
 import numpy as np
 
 from ....common.rigid_transform import Rows
-from ....readers.e57.e57_photographs import StationPhoto, read_station_photos
+from ....readers.e57.e57_photographs import posed_photographs
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
 from ....readers.moved_source import move_of, moved_pose, moves_at
+from ....readers.photographs.posed_photograph import PosedPhotograph
 from ....work.measuring.measure_text import length_text
 from ....work.places.pick import station_name
 from ...kit import icons
@@ -48,9 +49,9 @@ def show_station(context: ToolContext, number: int, name: str, on: bool) -> None
     edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
 
 
-def _photographs(file: Path, transform: Rows | None) -> tuple[list[StoredPicture], list[StationPhoto], list[str]]:
+def _photographs(file: Path, transform: Rows | None) -> tuple[list[StoredPicture], list[PosedPhotograph], list[str]]:
     """The pictures of an E57, those with a geometry at their places in the document, and warnings.  transform: of the file."""
-    photos, warnings = read_station_photos(file)
+    photos, warnings = posed_photographs(file)
     moved = [replace(photo, camera_to_world=moved_pose(transform, photo.camera_to_world)) for photo in photos]
     return stored_pictures(file), moved, warnings
 
@@ -86,7 +87,7 @@ class Stations(Tool):
         self._selected = False  # whether the tool is selected
         self._listed: tuple[ref[Scene], list[tuple[int, str]], dict[int, np.ndarray]] | None = None  # of the scene shown
         self.ghosts = GhostsPanel()
-        self.photos: list[StationPhoto] = []
+        self.photos: list[PosedPhotograph] = []
         self.warnings: list[str] = []
         self.pictures: list[StoredPicture] = []  # all of the scan, also those without a pose
         self.viewer = PictureViewer()
@@ -215,7 +216,7 @@ class Stations(Tool):
 
         return Group(
             "Photographs", icons.PHOTOGRAPH, len(self.photos),
-            lambda row: Row(self.photos[row].name, about=f"{self.photos[row].kind} photograph: a click shows it in its place",
+            lambda row: Row(self.photos[row].title, about=f"{self.photos[row].kind} photograph: a click shows it in its place",
                             chosen=shown is not None and shown.photo is self.photos[row]), stand,
         )  # fmt: skip
 
@@ -259,7 +260,7 @@ class Stations(Tool):
             ui.text_unformatted("Photographs in place")
         for number, photo in enumerate(self.photos):
             ui.push_id(1000 + number)
-            if ui.selectable(f"{photo.name} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
+            if ui.selectable(f"{photo.title} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
                 self.viewer.close_picture()
                 show_photo(context, photo)
             ui.pop_id()
@@ -278,6 +279,10 @@ class Stations(Tool):
             shown.split_at = percent / 100.0 if np.isfinite(percent) else shown.split_at
         if (psnr := context.viewport.photos.psnr) is not None:
             ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view{about_view(context)}")
+        elif context.viewport.photos.waits:
+            ui.text_wrapped("Preparing the photograph…")
+        elif context.viewport.photos.problem:
+            ui.text_wrapped(context.viewport.photos.problem)
         else:
             away = float(np.linalg.norm(context.camera.position - shown.photo.position))
             ui.text_wrapped(f"{length_text(away, metres_per_unit(context))} from its place: the photograph has faded out")

@@ -2,30 +2,33 @@
 
 import numpy as np
 import pytest
-from e57_photo_files import AWAY, Picture, encoded, hit, paint, room_points, write_photos
+from e57_photo_files import AWAY, Picture, encoded, hit, paint, projected, room_points, write_photos
 from scipy.spatial.transform import Rotation
 
-from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.preprocess.closed_depth import filled_depth
-from pointglass.viewer.readers.e57.e57_photographs import KINDS, read_station_photos
-from pointglass.viewer.work.pictures.photo_in_view import agreement, blended, nearest_ranges, resampled, strength
+from pointglass.viewer.readers.e57.e57_photographs import KINDS, posed_photographs
+from pointglass.viewer.render.photographs.lone_photograph import photograph_alone
+from pointglass.viewer.render.photographs.photo_fit import PointSample, unfitted
+from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_photo
+from pointglass.viewer.window.viewport.photo_blend import agreement, blended, strength
 
 SIZE = (250, 125)
 """Below 256, so that a channel can say which column or row a pixel is."""
 PLACE = np.array([0.3, -0.2, 0.1])
 
 
-def geometry(kind: str) -> dict:
-    """The numbers of a representation; its own arithmetic is in :func:`rays_of`."""
-    width, height = SIZE
+def geometry(kind: str, finer: int = 1) -> dict:
+    """The numbers of a representation; its own arithmetic is in :func:`rays_of`.  finer: times as many pixels along a side."""
+    width, height = SIZE[0] * finer, SIZE[1] * finer
     values: dict = {"imageWidth": width, "imageHeight": height}
     if kind == "pinhole":
-        return values | {"focalLength": 0.02, "pixelWidth": 0.0002, "pixelHeight": 0.0002, "principalPointX": 120.0,
-                         "principalPointY": 66.0}  # fmt: skip
+        return values | {"focalLength": 0.02, "pixelWidth": 0.0002 / finer, "pixelHeight": 0.0002 / finer,
+                         "principalPointX": 120.0 * finer, "principalPointY": 66.0 * finer}  # fmt: skip
     if kind == "spherical":
         return values | {"pixelWidth": 2 * np.pi / width, "pixelHeight": np.pi / height}
-    return values | {"pixelWidth": 2 * np.pi / width, "pixelHeight": 0.02, "radius": 0.8, "principalPointY": 60.0}
+    return values | {"pixelWidth": 2 * np.pi / width, "pixelHeight": 0.02 / finer, "radius": 0.8,
+                     "principalPointY": 60.0 * finer}
 
 
 def rays_of(kind: str) -> np.ndarray:
@@ -43,10 +46,24 @@ def rays_of(kind: str) -> np.ndarray:
 
 def written(tmp_path, kind: str, picture: np.ndarray, rotation: Rotation):
     x, y, z, w = rotation.as_quat()
-    made = Picture(kind, geometry(kind), {"pngImage": encoded(picture)}, (w, x, y, z), tuple(PLACE + AWAY), kind)
-    (photo,), warnings = read_station_photos(write_photos(tmp_path / f"{kind}.e57", [made], *room_points(50)))
+    values, blobs = geometry(kind, len(picture) // SIZE[1]), {"pngImage": encoded(picture)}
+    made = Picture(kind, values, blobs, (w, x, y, z), tuple(PLACE + AWAY), kind)
+    (photo,), warnings = posed_photographs(write_photos(tmp_path / f"{kind}.e57", [made], *room_points(50)))
     assert warnings == [] and photo.kind == kind
     return photo
+
+
+def resampled(photo, camera, depth, points=None):
+    """The photograph alone in a view; points: what hides it from itself."""
+    picture, valid = photo.decode(4096)
+    sample = PointSample((np.zeros((1, 3)) if points is None else points - photo.position).astype(np.float32),
+                         np.zeros((1, 3), np.uint8), photo.position)
+    fit = unfitted(photo, picture.shape[:2], sample)
+    made = prepared_photo(picture, valid, KINDS.index(photo.kind), photo.lens, photo.around, fit.camera_to_world, fit.nearest,
+                          fit.gains)  # fmt: skip
+    pool = PhotoPool(1, len(made.words))
+    pool.put(0, made)
+    return photograph_alone(depth, camera, pool, 0, hides=points is not None)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -75,7 +92,7 @@ def test_a_photograph_lies_in_place_within_a_pixel(tmp_path, seed, kind):
             got = shown[at[inside, 1], at[inside, 0]].astype(int)
             # The photo's pixel was seen somewhere in this pixel of the picture: allow for where in it, in photo pixels.
             found = camera.unproject(at[inside] + 0.5, z[inside])
-            there, fits = photo.project(found)
+            there, fits = projected(photo, found)
             clear = (got[:, 3] == 255) & fits & (there[:, 0] > 2) & (there[:, 0] < width - 2) & (there[:, 1] > 2)
             clear &= (there[:, 1] < height - 2) & (np.abs(there - wanted - 0.5).max(axis=1) < 3)
             residual = np.abs(got[clear][:, :2] + 0.5 - there[clear])
@@ -89,7 +106,7 @@ def test_a_photograph_does_not_colour_what_it_could_not_see(tmp_path, seed, kind
     """A board stands between the photograph and a wall; from beside, the wall behind the board keeps its own colours."""
     random = np.random.default_rng(seed)
     rotation = Rotation.from_euler("x" if kind == "pinhole" else "z", 90, degrees=True)
-    photo = written(tmp_path, kind, np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), rotation)
+    photo = written(tmp_path, kind, np.full((4 * SIZE[1], 4 * SIZE[0], 3), 90, np.uint8), rotation)
     place, wall, board, half = photo.position, 5.0, 2.0, 0.3  # along +y of the photograph's place
     spread = random.uniform(-1, 1, (200_000, 2))
     points = np.concatenate([
@@ -107,9 +124,10 @@ def test_a_photograph_does_not_colour_what_it_could_not_see(tmp_path, seed, kind
     seen = eye + rays * z[:, None] - place
     shadow = ~on_board & (np.abs(seen[:, [0, 2]]) < half * wall / board * 0.9).all(axis=1)
     clear = ~on_board & (np.abs(seen[:, [0, 2]]) > half * wall / board * 1.15).any(axis=1)
+    clear &= (np.abs(seen[:, [0, 2]]) < (3.9, 2.9)).all(axis=1)  # where there are points
     depth = z.reshape(180, 240).astype(np.float32)
-    plain = resampled(photo, camera, depth)[..., 3].ravel() == 255
-    shown = resampled(photo, camera, depth, nearest_ranges(photo, points))[..., 3].ravel() == 255
+    plain = resampled(photo, camera, depth)[..., 3].ravel() > 127
+    shown = resampled(photo, camera, depth, points)[..., 3].ravel() > 127
     assert (plain & shadow).sum() > 200, "else nothing is tested"
     assert not (shown & shadow).any()
     assert (shown <= plain).all() and shown[on_board].sum() == plain[on_board].sum()
@@ -121,14 +139,14 @@ def test_places_project_onto_the_pixels_that_saw_them(tmp_path, seed, kind):
     rotation = Rotation.random(random_state=seed)
     rays = rays_of(kind) @ rotation.as_matrix().T
     photo = written(tmp_path, kind, paint(hit(PLACE, rays)), rotation)
-    pixels, seen = photo.project((hit(PLACE, rays) + AWAY).reshape(-1, 3))
+    pixels, seen = projected(photo, (hit(PLACE, rays) + AWAY).reshape(-1, 3))
     i, j = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
     assert seen.all() and np.abs(pixels - np.stack([i.ravel(), j.ravel()], 1)).max() < 1e-6
 
 
 def test_what_lies_behind_a_pinhole_camera_is_not_in_the_picture(tmp_path):
     photo = written(tmp_path, "pinhole", np.zeros((SIZE[1], SIZE[0], 3), np.uint8), Rotation.identity())
-    _, seen = photo.project(photo.position + np.array([[0.0, 0, 1], [0, 0, -1]]))
+    _, seen = projected(photo, photo.position + np.array([[0.0, 0, 1], [0, 0, -1]]))
     assert seen.tolist() == [False, True]
 
 
@@ -178,5 +196,5 @@ def test_damaged_geometry_is_refused_by_name(tmp_path):
     values = geometry("cylindrical")
     del values["radius"]
     made = Picture("cylindrical", values, {"pngImage": encoded(np.zeros((SIZE[1], SIZE[0], 3), np.uint8))}, name="bent")
-    with pytest.raises(InputError, match=r"bent.*radius"):
-        read_station_photos(write_photos(tmp_path / "a.e57", [made], *room_points(50)))
+    found, (warning,) = posed_photographs(write_photos(tmp_path / "a.e57", [made], *room_points(50)))
+    assert found == [] and "bent" in warning and "radius" in warning
