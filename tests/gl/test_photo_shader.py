@@ -17,8 +17,8 @@ from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_
 from pointglass.viewer.render.photographs.photo_shader import PhotoShader, ResidentPool
 from pointglass.viewer.render.photographs.photo_surface_loops import count_measured
 
-_UNIT = Path(__file__).resolve().parents[1] / "unit"
-sys.path[:0] = [str(_UNIT / "render"), str(_UNIT)]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "render"))
 
 from test_photographs import random_photo, random_surface
 
