@@ -270,6 +270,14 @@ def test_a_page_from_a_server_is_used_by_mouse_touch_keys_links_and_sensor(tmp_p
                     ("heading", HOSTILE + CODE[1], None), ("button", "Measure", None), ("button", "Go to By the window", None)):
                 assert any(each[:2] == (role, name) and value in (None, each[2]) for each in read), (role, name, read)
             assert page.value("document.getElementById('handle').getAttribute('aria-valuetext')") == "48 % raw, the rest filled"
+            # eleven notes at one place, three at another: no title lies over another one
+            aimed(page, OFFSET + (2.0, 4.0, 1.2), 0.0)
+            marks = page.value("[...document.querySelectorAll('#overlay .note:not([hidden])')].map((each) => [each.className,"
+                               "...Object.values(each.getBoundingClientRect().toJSON()).slice(0, 4)])")
+            titles = [place for name, *place in marks if "bare" not in name]
+            assert len(marks) == 14 and len(titles) == 2, marks
+            (x, y, wide, high), (left, top, width, height) = titles
+            assert x + wide <= left or left + width <= x or y + high <= top or top + height <= y, titles
             note = "[...document.querySelectorAll('#overlay .note')].find((each) => !each.hidden)"
             aimed(page, OFFSET + (3.0, 4.0, 1.2), 0.0)
             page.until(f"{note} && ({note}.focus(), {note}.click(), document.activeElement.id === 'note-title')")

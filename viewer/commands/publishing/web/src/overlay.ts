@@ -3,6 +3,7 @@
 
 import { type Drawing, Lines } from "./lines";
 import type { Measurement } from "./measure";
+import { NoteMarks } from "./note-marks";
 import { length, type MeasurementData, minus, type Vector } from "./scene";
 import { far } from "./text";
 import type { View } from "./view";
@@ -16,8 +17,8 @@ interface Mark {
 
 export class Overlay {
   private hops: Mark[] = [];
-  private notes: Mark[] = [];
   private readonly lines: Lines;
+  private readonly notes: NoteMarks;
   private inSight: MeasurementData[] = [];
   shown = true; // the project's measurements
 
@@ -25,23 +26,10 @@ export class Overlay {
     private readonly view: View,
     private readonly root: HTMLElement,
     private readonly measurements: () => Measurement[],
-    private readonly openNote: (index: number) => void,
+    openNote: (index: number) => void,
   ) {
     this.lines = new Lines(view, root);
-    view.scene.notes.forEach((note, index) => {
-      const button = document.createElement("button");
-      button.className = "note";
-      button.type = "button";
-      const dot = document.createElement("i");
-      dot.style.background = note.colour;
-      const name = document.createElement("span");
-      name.textContent = note.title;
-      button.append(dot, name);
-      button.setAttribute("aria-label", `Note: ${note.title} (${note.status})`);
-      button.addEventListener("click", () => this.openNote(index));
-      root.append(button);
-      this.notes.push({ element: button, point: note.position });
-    });
+    this.notes = new NoteMarks(view, root, openNote);
     view.arrived.push(() => (this.offer(), this.choose()));
     view.drawn.push(() => this.place());
   }
@@ -92,12 +80,7 @@ export class Overlay {
       ring.dataset.shape = shape;
       [ring.style.width, ring.style.height] = shape.split(" ");
     }
-    for (const { element, point } of this.notes) {
-      const on = view.going || !view.place ? null : view.project(point);
-      const shown = on !== null && on.x > 0 && on.x < width && on.y > 0 && on.y < height && view.sees(point);
-      element.hidden = !shown;
-      if (on && shown) element.style.transform = `translate(${on.x.toFixed(1)}px, ${on.y.toFixed(1)}px)`;
-    }
+    this.notes.place();
     this.drawLines();
   }
 
