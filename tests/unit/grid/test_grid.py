@@ -201,9 +201,11 @@ def test_shifting_by_whole_cells_changes_no_bit(cells):
 def test_the_grid_does_not_depend_on_chunks_or_processors(monkeypatch):
     xyz, rgb = surface(150_000)
     one = scene_from_arrays(xyz, rgb)
-    for chunk, block, processors in ((10_007, 1000, 5), (60_000, 77_777, 1)):
+    for chunk, piece, slab, group, processors in ((10_007, 1000, 7000, 900, 5), (60_000, 7_777, 1 << 21, 1 << 15, 1)):
         monkeypatch.setattr(arrays_module, "CHUNK", chunk)
-        monkeypatch.setattr(scatter_module, "BLOCK", block)
+        monkeypatch.setattr(scatter_module, "PIECE", piece)
+        monkeypatch.setattr(scatter_module, "SLAB", slab)
+        monkeypatch.setattr(scatter_module, "GROUP", group)
         monkeypatch.setattr(grid_module, "processors", lambda processors=processors: processors)
         other = scene_from_arrays(xyz, rgb)
         np.testing.assert_array_equal(one.points, other.points)
@@ -213,7 +215,7 @@ def test_the_grid_does_not_depend_on_chunks_or_processors(monkeypatch):
 
 @pytest.mark.parametrize("processors", [1, 2, 5])
 def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
-    """Blocks are packed and placed at the same time, some with delays; no two use an array at the same time."""
+    """Pieces are packed on several threads, groups placed, some with delays; no two threads use an array at the same time."""
     pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
     busy, shared, lock = {}, [], threading.Lock()
 
@@ -231,13 +233,17 @@ def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
                 busy.pop(name, None)
         return done
 
-    monkeypatch.setattr(scatter_module, "BLOCK", 2_000)
+    monkeypatch.setattr(arrays_module, "CHUNK", 5_000)
+    monkeypatch.setattr(scatter_module, "PIECE", 500)
+    monkeypatch.setattr(scatter_module, "SLAB", 8_000)
+    monkeypatch.setattr(scatter_module, "GROUP", 2_000)
     monkeypatch.setattr(grid_module, "processors", lambda: processors)
-    monkeypatch.setattr(kernels, "pack_points", lambda *a: alone(pack, (-3, -2, -1), *a))  # buckets, words, marks
+    own = range(-4, 0)  # buckets, words, starts, marks
+    monkeypatch.setattr(kernels, "pack_points", lambda *a: alone(pack, [k for k in own if len(a[-4])], *a))
     monkeypatch.setattr(kernels, "place_points", lambda *a: alone(place, (), *a))
     xyz, rgb = surface(60_000)
     made = scene_from_arrays(xyz, rgb)
-    assert next(calls) > 60 and not shared
+    assert next(calls) > 30 and not shared
     monkeypatch.undo()
     plain = scene_from_arrays(xyz, rgb)
     np.testing.assert_array_equal(made.points, plain.points)

@@ -42,14 +42,15 @@ def test_every_packed_point_has_the_number_of_its_record():
 
 
 def test_numbers_beyond_32_bits_take_a_fifth_byte():
-    """A block that begins before 2**32 and ends behind it, placed in reverse order."""
+    """A piece that begins before 2**32 and ends behind it."""
     first, count = (1 << 32) - 300, 1000
     numbers = first + np.arange(count)
     words = np.zeros((count, 4), np.uint32)
     words[:, 3] = words[:, 0] = numbers & 0xFFFFFFFF
     runs, points = np.array([[0, 0], [count, 0]]), np.zeros((count, 3), np.uint32)
     low, high = np.zeros(count, np.uint32), np.zeros(count, np.uint8)
-    kernels.place_points(np.zeros(count, np.int32), words, count - 1, -1, -1, runs, points, first, low, high)
+    starts, buckets = np.array([[0, count]], np.int32), np.zeros((1, count), np.int32)
+    kernels.place_points(buckets, words[None], starts, np.array([first]), 0, 1, runs, points, low, high)
     found = PointRecords(low, high, np.array([0, first + count])).numbers(slice(None))
     assert sorted(found.tolist()) == numbers.tolist()
     assert (found & 0xFFFFFFFF).tolist() == points[:, 0].tolist()

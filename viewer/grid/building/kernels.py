@@ -24,9 +24,10 @@ _TO_SHARE = 16 - SHARE_BITS
 _ROWS = 64
 """Points whose cells and packed positions are computed at a time: the arrays for them take 8 KB, so that they stay in the
 first-level cache."""
-_SIDE_BIT = 4
-"""The bit of a bucket's number that selects which of two threads places its points.  Not the lowest: the counters of
-neighbouring buckets share a cache line (false sharing), and two threads that write to it are slower together than one alone."""
+
+
+_OUTSIDE = -(1 << 28)
+"""In place of an index into a dense table, of at most 2**24 cells: it makes the sum of the three axes negative."""
 
 
 @compiled(inline="always")
@@ -183,19 +184,20 @@ def add_rows(counts, order, number, sums):
 
 
 @compiled(nogil=True)
-def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
-    """Packs a slice of points and computes the bucket of each, layer * cells + cell.
+def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, table, cells, layers, groups, buckets, words,
+                starts, marks):  # fmt: skip
+    """Packs a slice of points, a piece at a time, and sorts each by the group of the points' buckets, layer * cells + cell.
 
     rgb: (n, 3) uint8.  attributes: (n,) uint16 (viewer.preprocess.point_attributes).  scan: (n,) uint8.  base: of the
-    cells.  dense: (X, Y, Z) int32 cell numbers; where it is empty, they are looked up in ``table``.  Others as in count_points.
+    cells.  dense: (X, Y, Z) int32 cell numbers; where it is empty, they are looked up in ``table``.  groups: (buckets,) uint8
+    group of each bucket.  Others as in count_points.
     marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.grid.cell_boxes).
-    Writes buckets (n,) int32 and words (n, 4) uint32, the packed point and the lower 32 bits of its running number: points of
-    one half of the buckets from the front in order, those of the other half from the back in reverse, so that two threads can
-    place them.
-    Returns (points at the front, points at the back); points out of reach are left out.
+    Writes, for the P pieces of S points that hold n, buckets (P, S) int32 and words (P, S, 4) uint32, the packed point and the
+    lower 32 bits of its running number, by group and within a group in order; and starts (P, groups + 1) int32, where each
+    group begins in a piece.  Points out of reach are left out.
     """
-    n, direct = xyz.shape[0], dense.size > 0
-    front, back = 0, n - 1
+    direct, size = dense.size > 0, buckets.shape[1]
+    outside = np.int32(_OUTSIDE if direct else -1)
     coordinates, numbers = xyz.reshape(-1), dense.reshape(-1)
     # _ROWS points at a time, in loops that compile to vector instructions over x, y, z, x, y, z, ... as stored
     low, high, lowest = np.empty(3 * _ROWS), np.empty(3 * _ROWS), np.empty(3 * _ROWS)
@@ -205,66 +207,86 @@ def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, 
         low[k], high[k], lowest[k] = reach[0, axis], reach[1, axis], base[axis]
         sides[k] = dense.shape[axis] if direct else 2**31 - 1
         strides[k] = 1 if axis == 2 or not direct else dense.shape[2] * (1 if axis == 1 else dense.shape[1])
-    held, at, steps = np.empty(3 * _ROWS, np.bool_), np.empty(3 * _ROWS, np.int32), np.empty(3 * _ROWS, np.int32)
-    layer = np.empty(_ROWS, np.int32)
-    for start in range(0, n, _ROWS):
-        rows = min(_ROWS, n - start)
-        part = coordinates[3 * start : 3 * (start + rows)]
-        for k in range(3 * rows):
-            inside = (part[k] >= low[k]) & (part[k] <= high[k])
-            place = (part[k] if inside else low[k]) * inverse
-            whole = np.floor(place)
-            number = np.int32(whole - lowest[k])
-            held[k] = inside & (number >= 0) & (number < sides[k])
-            at[k] = number * strides[k]
-            # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
-            steps[k] = min(np.int32((place - whole) * 65536.0), 65535)
-        for k in range(rows):
-            layer[k] = _draw(first + start + k)
-        for k in range(rows):
-            layer[k] = max(layers - 1 - _BACK[layer[k]], 0)
-        for k in range(rows):
-            x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
-            if not (held[x] & held[y] & held[z]):
+    at, layer, cell = np.empty(3 * _ROWS, np.int32), np.empty(_ROWS, np.int32), np.empty(_ROWS, np.int32)
+    steps, of_point, group_of = np.empty(3 * size, np.uint16), np.empty(size, np.int32), np.empty(size, np.uint8)
+    free = np.empty(starts.shape[1], np.int32)
+    for piece in range(buckets.shape[0]):
+        begin = piece * size
+        end, counts = min(begin + size, xyz.shape[0]), starts[piece]
+        counts[:] = 0
+        for start in range(begin, end, _ROWS):
+            rows, done = min(_ROWS, end - start), start - begin
+            part, packed = coordinates[3 * start : 3 * (start + rows)], steps[3 * done : 3 * (done + rows)]
+            for k in range(3 * rows):
+                inside = (part[k] >= low[k]) & (part[k] <= high[k])
+                place = (part[k] if inside else low[k]) * inverse
+                whole = np.floor(place)
+                number = np.int32(whole - lowest[k])
+                at[k] = number * strides[k] if inside & (number >= 0) & (number < sides[k]) else outside
+                # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
+                packed[k] = min(np.int32((place - whole) * 65536.0), 65535)
+            for k in range(rows):
+                layer[k] = _draw(first + start + k)
+            for k in range(rows):
+                layer[k] = max(layers - 1 - _BACK[layer[k]], 0) * cells
+            if direct:
+                for k in range(rows):
+                    place = at[3 * k] + at[3 * k + 1] + at[3 * k + 2]
+                    number = numbers[max(place, 0)]
+                    cell[k] = number if place >= 0 else -1
+            else:
+                for k in range(rows):
+                    x, y, z = at[3 * k], at[3 * k + 1], at[3 * k + 2]
+                    cell[k] = table[_slot(table, x, y, z), 3] if (x >= 0) & (y >= 0) & (z >= 0) else -1
+            for k in range(rows):
+                bucket = layer[k] + cell[k] if cell[k] >= 0 else -1
+                of_point[done + k], group_of[done + k] = bucket, groups[max(bucket, 0)]
+            for k in range(rows):
+                if cell[k] < 0:  # out of reach, or the file changed since pass 1, which the caller detects by the totals
+                    continue
+                counts[group_of[done + k] + 1] += 1
+                x, y, z = packed[3 * k] >> _TO_SHARE, packed[3 * k + 1] >> _TO_SHARE, packed[3 * k + 2] >> _TO_SHARE
+                marks[cell[k]] |= 1 << x | 1 << (SHARES + y) | 1 << (2 * SHARES + z)
+        for group in range(1, starts.shape[1]):
+            counts[group] += counts[group - 1]
+        free[:] = counts
+        for k in range(end - begin):
+            if of_point[k] < 0:
                 continue
-            cell = numbers[at[x] + at[y] + at[z]] if direct else table[_slot(table, at[x], at[y], at[z]), 3]
-            if cell < 0:  # only where the file changed since pass 1, which the caller detects by the totals
-                continue
-            qx, qy, qz = np.uint32(steps[x]), np.uint32(steps[y]), np.uint32(steps[z])
-            marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
-            i, bucket = start + k, layer[k] * cells + cell
-            behind = bucket >> _SIDE_BIT & 1  # without a branch, which could not be predicted
-            place = front + (back - front) * behind
-            front += 1 - behind
-            back -= behind
-            buckets[place] = bucket
-            words[place, 0] = qx | qy << np.uint32(16)
-            words[place, 1] = qz | np.uint32(attributes[i]) << np.uint32(16)
+            group, i = group_of[k], begin + k
+            place = free[group]
+            free[group] = place + 1
+            buckets[piece, place] = of_point[k]
+            words[piece, place, 0] = np.uint32(steps[3 * k]) | np.uint32(steps[3 * k + 1]) << np.uint32(16)
+            words[piece, place, 1] = np.uint32(steps[3 * k + 2]) | np.uint32(attributes[i]) << np.uint32(16)
             colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
-            words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
-            words[place, 3] = np.uint32(first + i)
-    return front, n - 1 - back
+            words[piece, place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
+            words[piece, place, 3] = np.uint32(first + i)
 
 
 @compiled(nogil=True)
-def place_points(buckets, words, start, stop, stride, runs, points, numbered, records, high):
-    """Moves packed points start, start + stride, ... before ``stop`` to their places in the runs of their buckets.
+def place_points(buckets, words, starts, numbered, begin, end, runs, points, records, high):
+    """Moves the packed points of groups ``begin`` to before ``end``, of all pieces, to their places in their buckets' runs.
 
+    buckets, words, starts: as pack_points writes them.  numbered: (P,) int64, running number of each piece's first point.
     runs: (buckets + 1, 2) int64, where each begins and how many of its points are placed, updated; side by side, since both
-    are looked up at random.  numbered: running number of the block's first point.
+    are looked up at random.
     records, high: (N,) uint32 and uint8, receive bits 0 to 31 and 32 to 39 of each point's running number; ``high`` is empty
     where 32 bits suffice.
     """
-    wide, upper, lower = high.size > 0, np.uint8(numbered >> 32), np.uint32(numbered & 0xFFFFFFFF)
-    for i in range(start, stop, stride):
-        bucket = buckets[i]
-        first, number = runs[bucket, 0], runs[bucket, 1]
-        size = runs[bucket + 1, 0] - first
-        runs[bucket, 1] = number + 1
-        if number < size:
-            part = PART_OF[number & _PART_MASK]
-            place = first + (size >> _PART_BITS) * part + PART_EXTRA[size & _PART_MASK, part] + (number >> _PART_BITS)
-            points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
-            records[place] = words[i, 3]
-            if wide:
-                high[place] = upper + np.uint8(words[i, 3] < lower)  # a block is far shorter than 2**32 points
+    wide = high.size > 0
+    for group in range(begin, end):
+        for piece in range(starts.shape[0]):
+            upper, lower = np.uint8(numbered[piece] >> 32), np.uint32(numbered[piece] & 0xFFFFFFFF)
+            for i in range(starts[piece, group], starts[piece, group + 1]):
+                bucket = buckets[piece, i]
+                first, number = runs[bucket, 0], runs[bucket, 1]
+                size = runs[bucket + 1, 0] - first
+                runs[bucket, 1] = number + 1
+                if number < size:
+                    part = PART_OF[number & _PART_MASK]
+                    place = first + (size >> _PART_BITS) * part + PART_EXTRA[size & _PART_MASK, part] + (number >> _PART_BITS)
+                    points[place, 0], points[place, 1] = words[piece, i, 0], words[piece, i, 1]
+                    points[place, 2], records[place] = words[piece, i, 2], words[piece, i, 3]
+                    if wide:
+                        high[place] = upper + np.uint8(words[piece, i, 3] < lower)  # a piece is far shorter than 2**32 points

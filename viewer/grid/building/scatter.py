@@ -1,8 +1,10 @@
 """Pass 2 of a grid: packs every point and writes it to its place.
 
-Blocks of points are packed on all processors and then placed, by two threads, one for each half of the runs.  While a block is
-placed, the next one is packed, so that a processor that finishes sooner has something to do.  Neither order nor result depends
-on the number of processors.
+The places of successive points lie anywhere in the grid, farther apart than caches reach.  So points are packed in pieces, each
+sorted by groups of runs (the points of one layer and cell) that lie side by side in the grid, and SLAB points at a time are
+placed group by group, so that what is written stays in the cache until it is full (radix partitioning).  Both steps take all
+processors; a group's points are placed by one thread, in the order of the file.  The result does not depend on the number of
+processors.
 """
 
 import itertools
@@ -23,9 +25,15 @@ from .histogram import dense_table_of, table_of
 from .kept_chunks import KeptChunks
 from .noise_sample import NoiseSample
 
-BLOCK = 1 << 18
-"""Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (10 MB) stay in the
-processor's last-level cache."""
+PIECE = 1 << 14
+"""Points that are packed and sorted at a time: their words, numbers and positions take 0.5 MB, so that they stay in the
+second-level cache."""
+SLAB = 1 << 21
+"""Points packed before they are placed, 42 MB.  Half as many take 10 % longer, twice as many 5 % less."""
+GROUP, MOST_GROUPS = 1 << 15, 256
+"""Points of a group in the grid, about (0.5 MB), and the most groups, so that one point of each stays in the first-level cache
+while a piece is sorted."""
+_JOBS = 4  # for each processor, so that one that finishes sooner has something to do
 
 
 def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts: CellCounts, layout: Layout,
@@ -40,7 +48,7 @@ def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts:
     sample: is given all points, to estimate their noise.
     Raises InputError where a file is no longer as pass 1 read it.
     """
-    blocks = _Blocks(counts, layout, points, records, pool, processors)
+    slab = _Slab(counts, layout, points, records, pool, processors)
     first, of_source, starts = 0, np.zeros(len(kept.sources), np.int64), ScanStarts()
     if sample is not None:
         sample.reset()
@@ -51,22 +59,20 @@ def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts:
         scan = scans.numbers(number, first, chunk)
         if sample is not None:
             sample.add(number, chunk, xyz, rgb, scan, first, pool)
-        for start in range(0, len(xyz), BLOCK):
-            rows = slice(start, start + BLOCK)
-            blocks.add(xyz[rows], rgb[rows], bits[rows], scan[rows], first + start)
+        slab.add(xyz, rgb, bits, scan, first)
         first += len(xyz)
         of_source[number] += len(xyz)
         starts.add(number, chunk.scan, first - len(xyz))
     records.first[1:] = of_source.cumsum()
     records.scans = starts.solve(scans, records.first)
-    runs, boxes = blocks.finish()
+    runs, boxes = slab.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
         raise InputError("changed while it was read", file=kept.sources[0].path, remedy="try again")
     return boxes
 
 
-class _Blocks:
-    """Two blocks in turn: one being packed, the one before it being placed."""
+class _Slab:
+    """Room for SLAB packed points, in pieces.  While the last ones are placed, the caller prepares the next."""
 
     def __init__(self, counts: CellCounts, layout: Layout, points: np.ndarray, records: PointRecords, pool: Executor,
                  processors: int):  # fmt: skip
@@ -76,50 +82,58 @@ class _Blocks:
         self._runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
         dense = dense_table_of(cells)
         table = table_of(cells[:1] if dense.size else cells)
-        self._grid = 1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells), layout.layers
-        # two blocks are in flight at a time: each has its own arrays
-        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 4), np.uint32), np.zeros((processors, len(cells)), np.int64))
-                      for _ in range(2)]
-        self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray, int] | None = None
-        self._placing: list[Future] = []
+        total = max(int(layout.offsets[-1]), 1)
+        groups = int(np.clip(total // GROUP, 1, MOST_GROUPS))
+        group_of = (layout.offsets[:-1] * groups // total).clip(max=groups - 1).astype(np.uint8)  # of at most 2**40 points
+        self._grid = 1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells), layout.layers, group_of
+        pieces = max(1, min(SLAB, 2 * total + PIECE * processors) // PIECE)  # small scans leave pieces half empty
+        self._buckets, self._words = np.empty((pieces, PIECE), np.int32), np.empty((pieces, PIECE, 4), np.uint32)
+        self._starts, self._numbered = np.zeros((pieces, groups + 1), np.int32), np.zeros(pieces, np.int64)
+        self._marks = np.zeros((processors, len(cells)), np.int64)
+        self._used = 0
+        self._running: list[Future] = []
 
     def add(self, xyz: np.ndarray, rgb: np.ndarray, bits: np.ndarray, scan: np.ndarray, first: int) -> None:
-        """Packs a block of at most BLOCK points and places the one before it.  bits: (n,) uint16 attributes.
-        first: running number of its first point."""
-        self._wait()  # for the block that was packed into the same arrays
-        edges = [len(xyz) * i // self._parts for i in range(self._parts + 1)]
-        self._room.reverse()
-        buckets, words, marks = self._room[0]
-        jobs = [
-            self._pool.submit(kernels.pack_points, xyz[a:b], rgb[a:b], bits[a:b], scan[a:b], first + a, *self._grid,
-                              buckets[a:b], words[a:b], marked)
-            for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True)
-        ]
-        self._place_packed()
-        self._packing = jobs, edges, buckets, words, first
+        """Packs points, and places those before them where there is no room left.  bits: (n,) uint16 attributes.
+        first: running number of the first point.  The arrays are read until the next call."""
+        done = 0
+        while done < len(xyz):
+            self._wait()  # for what was packed before into the same marks, or is being placed
+            room = len(self._starts) - self._used
+            if room == 0:
+                self._place()
+                continue
+            wanted = min(-(-(len(xyz) - done) // PIECE), room)
+            edges = [wanted * part // self._parts for part in range(self._parts + 1)]
+            for marked, (a, b) in zip(self._marks, itertools.pairwise(edges), strict=True):
+                rows, pieces = slice(done + a * PIECE, done + b * PIECE), slice(self._used + a, self._used + b)
+                self._numbered[pieces] = first + done + np.arange(a, b) * PIECE
+                self._running.append(self._pool.submit(
+                    kernels.pack_points, xyz[rows], rgb[rows], bits[rows], scan[rows], first + rows.start, *self._grid,
+                    self._buckets[pieces], self._words[pieces], self._starts[pieces], marked))  # fmt: skip
+            self._used += wanted
+            done += wanted * PIECE
 
     def finish(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns (buckets + 1, 2) int64, where each run begins and how many points it was given, and the cells' boxes."""
         self._wait()
-        self._place_packed()
+        self._place()
         self._wait()
-        return self._runs, boxes_of(np.concatenate([marks for *_, marks in self._room]))
+        return self._runs, boxes_of(self._marks)
 
-    def _place_packed(self) -> None:
-        if self._packing is None:
-            return
-        jobs, edges, buckets, words, numbered = self._packing
-        filled = [job.result() for job in jobs]
-        fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
-        backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-        self._placing = [self._pool.submit(self._place, pieces, buckets, words, numbered) for pieces in (fronts, backs)]
-        self._packing = None
-
-    def _place(self, pieces: list[tuple[int, int, int]], buckets: np.ndarray, words: np.ndarray, first: int) -> None:
-        for start, stop, stride in pieces:
-            kernels.place_points(buckets, words, start, stop, stride, self._runs, self._points, first, *self._records)
+    def _place(self) -> None:
+        """Begins to place what is packed, groups of about equally many points on each thread."""
+        starts = self._starts[: self._used]
+        held = np.cumsum(np.diff(starts, axis=1).sum(axis=0, dtype=np.int64))
+        jobs = _JOBS * self._parts
+        edges = np.searchsorted(held, held[-1] * np.arange(1, jobs) // jobs, side="right")
+        for a, b in itertools.pairwise(np.unique([0, *edges, len(held)]).tolist()):
+            self._running.append(self._pool.submit(
+                kernels.place_points, self._buckets, self._words, starts, self._numbered, a, b, self._runs, self._points,
+                *self._records))  # fmt: skip
+        self._used = 0
 
     def _wait(self) -> None:
-        for job in self._placing:
+        for job in self._running:
             job.result()
-        self._placing = []
+        self._running = []
