@@ -96,8 +96,9 @@ def _draw_and_point() -> None:
     in_box(scene, box_around(*scene.bounds))
     combined(scene, NO_EDITS, hits, "new")
     connected_region(Selection(scene), middle, smooth=True)
-    with contextlib.suppress(PointglassError):  # whatever lies there: its loops have run
-        fit_at(scene, vector(unpack(scene, slice(0, 1))[0][0]), "plane")
+    for kind in ("plane", "pipe"):
+        with contextlib.suppress(PointglassError):  # whatever lies there: its loops have run
+            fit_at(scene, vector(unpack(scene, slice(0, 1))[0][0]), kind)
 
 
 def _find_ghosts_and_show_photograph() -> None:

@@ -63,13 +63,13 @@ def connected(unrolled: np.ndarray, at: np.ndarray, cell: float, circumference: 
 
 def _joined_across(labels: np.ndarray) -> np.ndarray:
     """Labels of a raster whose last row lies beside its first: one for all that is joined there."""
-    pairs = [(end, begin) for shift in (-1, 0, 1)
-             for end, begin in zip(labels[-1, max(shift, 0) : labels.shape[1] + min(shift, 0)],
-                                   labels[0, max(-shift, 0) : labels.shape[1] - max(shift, 0)], strict=True)
-             if end and begin]  # fmt: skip
-    if not pairs:
+    last, first = labels[-1], labels[0]
+    ends = np.concatenate([last, last[1:], last[:-1]])
+    begins = np.concatenate([first, first[:-1], first[1:]])
+    beside = (ends > 0) & (begins > 0)
+    ends, begins = ends[beside], begins[beside]
+    if len(ends) == 0:
         return labels
-    ends, begins = np.array(pairs).T
     size = int(labels.max()) + 1
     graph = coo_array((np.ones(len(ends), bool), (ends, begins)), shape=(size, size))
     same = connected_components(graph, directed=False)[1] + 1

@@ -15,7 +15,7 @@ from ...common.errors import PointglassError
 from .connected import connected
 from .halves import with_halves
 from .least_squares import Fitted, fitted, nearest
-from .local import noise_of, normals_of, spacing_of
+from .local import noise_of, normals_of, spacing_of, tree_of
 from .measured import InBox, Points
 from .noise_direction import without_noise_bias
 from .starts import FLATTEST, cylinder_start
@@ -142,7 +142,7 @@ def _around(in_box: InBox, spacing: float, floor: float) -> _Around:
     if len(points) < FEWEST:
         raise NoFit(f"nothing can be fitted here: {len(points)} measured points around the click, {FEWEST} are needed")
     tree = KDTree(points.xyz)
-    here = spacing_of(points.xyz)
+    here = spacing_of(points.xyz, tree)
     near = points.xyz[np.argsort(np.linalg.norm(points.xyz, axis=1))[: max(len(points) // 3, FEWEST)]]
     return _Around(points, tree, max(here, 1e-300), max(noise_of(points.xyz, tree, near), floor, 1e-300))
 
@@ -157,7 +157,8 @@ def _starts(in_box: InBox, around: _Around, rng: np.random.Generator):
             chosen = chosen[rng.permutation(len(chosen))[:_START_POINTS]]
         if len(chosen) < FEWEST:
             continue
-        tree, here = KDTree(chosen), spacing_of(chosen)
+        tree = KDTree(chosen)
+        here = spacing_of(chosen, tree)
         normals = normals_of(chosen, tree, max(2.5 * here, 3.0 * around.noise), here)
         near = np.asarray(tree.query(np.zeros(3), min(12, len(chosen)))[1])
         start = cylinder_start(chosen, normals, near, WITHIN * around.noise, half, rng)
@@ -199,10 +200,11 @@ def _facing(in_box: InBox, surface: Surface, points: Points, cell: float, half: 
     and what is joined to the click through them only.  Raises NoFit, ValueError."""
     # Normals of all that is there: those of the piece alone would be its own, in the strip of a wall beside a floor, too.
     everything = _window(in_box, surface, half, max(cell, WITHIN * sigma))[0].xyz
-    some, here = points.xyz[:: max(len(points) // _FACING_POINTS, 1)], spacing_of(everything)
-    normals = normals_of(everything, KDTree(everything), max(2.5 * here, 3.0 * sigma), here, some)
+    tree, some = tree_of(everything), points.xyz[:: max(len(points) // _FACING_POINTS, 1)]
+    here = spacing_of(everything, tree)
+    normals = normals_of(everything, tree, max(2.5 * here, 3.0 * sigma), here, some)
     faces = np.abs(np.einsum("ni,ni->n", normals, surface.normals(some))) > _FACING
-    points = points.where(faces[np.asarray(KDTree(some).query(points.xyz)[1])])
+    points = points.where(faces[np.asarray(tree_of(some).query(points.xyz)[1])])
     at = surface.unrolled(np.zeros((1, 3)))[0]
     points = points.where(connected(surface.unrolled(points.xyz), at, cell, surface.circumference, (np.inf, np.inf)).of_points)
     if len(points) < FEWEST:

@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.special import stdtrit
 
+from .fit_loops import distances_of, moved_by, normal_equations
 from .surfaces import Surface
 
 One = TypeVar("One", bound=Surface)
@@ -62,19 +63,23 @@ def fitted(surface: Surface, points: np.ndarray, floor: float, sigma: float | No
 def nearest(surface: One, points: np.ndarray, floor: float, sigma: float | None = None,
             steps: int = STEPS_AT_FIRST) -> tuple[One, float]:
     """The surface, and the scatter around it, after so many steps at most, without uncertainties.  Otherwise as fitted."""
-    distances, slopes = surface.linearised(points)
-    best = sigma if sigma is not None else scatter_of(distances, floor)
+    points = np.ascontiguousarray(points, np.float64)
+    place, frame, radius = surface.placed()
+    parameters = len(surface.parameters)
+    best = sigma if sigma is not None else scatter_of(distances_of(points, place, frame, radius), floor)
     for _ in range(steps):
-        weights = _tukey(distances / best)
-        scale = np.maximum(np.abs(slopes).max(axis=0), 1e-300)
-        scaled = slopes / scale
-        change = -_solved(scaled.T @ (scaled * weights[:, None]), scaled.T @ (weights * distances)) / scale
-        surface, moved = surface.changed(change), float(np.abs(slopes @ change).max())
+        limit = TUKEY * best
+        matrix, right, largest = normal_equations(points, place, frame, radius, parameters, limit)
+        scale = np.maximum(largest, 1e-300)
+        change = -_solved(matrix / np.outer(scale, scale), right / scale) / scale
+        surface = surface.changed(change)
+        before, (place, frame, radius) = (place, frame, radius), surface.placed()
+        both = (np.stack([first, second]) for first, second in zip(before, (place, frame, radius), strict=True))
+        moved, distances = moved_by(points, *both, parameters, change, limit)
         if not np.isfinite(moved):
             raise ValueError("the points do not determine the surface")
-        distances, slopes = surface.linearised(points)
-        before, best = best, scatter_of(distances[weights > 0], floor)
-        if moved < 1e-3 * best and abs(best - before) < 1e-3 * best:
+        scatter, best = best, scatter_of(distances, floor)
+        if moved < 1e-3 * best and abs(best - scatter) < 1e-3 * best:
             break
     return surface, best
 

@@ -17,16 +17,21 @@ _QUADRICS = 48
 """Places at which noise is measured; their median is taken."""
 
 
-def spacing_of(points: np.ndarray) -> float:
-    """About 1/sqrt(points per area), from the distance to the sixth nearest neighbour, at places that differ
-    (viewer.work.fits.measured.distinct).  0 for fewer than two points."""
+def tree_of(points: np.ndarray) -> "KDTree":
+    """Their KD tree, built in half the time of SciPy's default; searches take as long."""
     from scipy.spatial import KDTree
 
+    return KDTree(points, balanced_tree=False, compact_nodes=False)
+
+
+def spacing_of(points: np.ndarray, tree: "KDTree | None" = None) -> float:
+    """About 1/sqrt(points per area), from the distance to the sixth nearest neighbour, at places that differ
+    (viewer.work.fits.measured.distinct).  0 for fewer than two points.  tree: of the points; None: it is built."""
     if len(points) < 2:
         return 0.0
     some = points[:: max(len(points) // 512, 1)]
     k = min(7, len(points))
-    away = KDTree(points).query(some, k)[0][:, -1]
+    away = (tree or tree_of(points)).query(some, k)[0][:, -1]
     return float(np.median(away)) * float(np.sqrt(np.pi / (k - 1)))
 
 

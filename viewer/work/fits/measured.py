@@ -46,12 +46,11 @@ InBox = Callable[[np.ndarray, np.ndarray, np.ndarray], Points]
 
 def distinct(in_box: InBox) -> InBox:
     """Boxes in which points at the same place count once: a scan that is in a file twice says nothing new."""
-    odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    from .fit_loops import first_of_each  # numba: only once something is fitted
 
     def once(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
         points = in_box(centre, axes, half)
-        keys = (np.ascontiguousarray(points.xyz).view(np.uint64) * odd).sum(axis=1)  # one number a place; it wraps around
-        return points.where(np.sort(np.unique(keys, return_index=True)[1]))
+        return points.where(first_of_each(np.ascontiguousarray(points.xyz).view(np.int64)))
 
     return once
 

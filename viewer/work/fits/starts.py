@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .fit_loops import explained
 from .surfaces import Cylinder
 
 SAMPLES = 400
@@ -60,11 +61,6 @@ def cylinder_start(points: np.ndarray, normals: np.ndarray, near: np.ndarray, to
         return None
     centre, axis, radius = (points[first] + t[:, None] * n)[alike], axis[alike], radius[alike]
     some = rng.permutation(len(points))[:SCORED]
-    from_axis = points[some][None] - centre[:, None]
-    from_axis = from_axis - np.einsum("kni,ki->kn", from_axis, axis)[:, :, None] * axis[:, None]
-    away = np.linalg.norm(from_axis, axis=2)
-    turned = np.abs(np.einsum("kni,ni->kn", from_axis, normals[some])) / np.maximum(away, 1e-300)
-    near_enough = (np.abs(away - radius[:, None]) < tolerance) & (turned > _TURNED)
-    score = near_enough.mean(axis=1)
-    best = int(score.argmax())
-    return Start(Cylinder(centre[best], axis[best], float(radius[best])), float(score[best]))
+    counts = explained(points[some], normals[some], centre, axis, radius, tolerance, _TURNED)
+    best = int(counts.argmax())
+    return Start(Cylinder(centre[best], axis[best], float(radius[best])), float(counts[best] / len(some)))

@@ -29,6 +29,10 @@ class Plane:
     parameters: ClassVar[tuple[str, ...]] = ("offset", "tilt", "tilt")
     circumference: ClassVar[float | None] = None
 
+    def placed(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Place, frame (3, 3), and radius, 0 of a plane: what the compiled loops take (viewer.work.fits.fit_loops)."""
+        return self.place, frame_of(self.direction), 0.0
+
     def distances(self, points: np.ndarray) -> np.ndarray:
         """(n,) signed distances of (n, 3) points, positive on the side of the normal."""
         return (points - self.place) @ self.direction
@@ -71,6 +75,10 @@ class Cylinder:
     def circumference(self) -> float:
         """Length around: the first unrolled coordinate repeats after it."""
         return 2 * np.pi * self.radius
+
+    def placed(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """As Plane.placed."""
+        return self.place, frame_of(self.direction), float(self.radius)
 
     def _across(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cosine and sine of the direction of each point seen from the axis, and its distance from the axis."""
