@@ -7,6 +7,11 @@ texture and is extrapolated to distance zero, as for the nugget of a variogram. 
 weight (Liu, Tanaka and Okutomi 2012).  Variances are robust, and with little evidence the estimate is too low rather than too
 high, because too high an estimate washes out clean texture.
 
+The laser's intensity is not used as a second witness of texture.  Among the coloured scans at hand studio, plant_room and
+street_corner have none; within 40 neighbours it explains 9 % of the variance of luma in pumpA.e57 (median; 22 % weighted by
+variance), nothing in sample_c.las and autzen_trim.laz, and 99.9 % in lion_takanawa.copc.laz, where it is made of the colours:
+all noise would count as texture there.
+
 Only points of one group (run or station) are compared; otherwise the disagreement of stations would be measured.  Where two
 stations overlap, their points tell noise from texture finer than the spacing (model.appearance.station_pairs).  Luma is the
 mean of sRGB values, 0 to 1, with the weights LUMA.  Frame and unit of length are those of the points.

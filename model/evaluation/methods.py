@@ -20,6 +20,7 @@ from torch import Tensor
 from ..appearance.noise import NoiseModel
 from ..data.dataset import MergedScan
 from ..data.surfaces.projected import Projected, seen_noise
+from ..network.levels import LEVELS, merged
 from ..network.unet import CompactUNet, mac_per_pixel
 from ..network.weights import load_weights
 from ..reference.depth_filter import keep_mask
@@ -159,7 +160,8 @@ def plain_methods() -> list[Method]:
 def network_method(name: str, path: Path) -> Method:
     """A network from a weights file, with our filter if it was trained on filtered input, else without a filter.
 
-    The paper's network takes points averaged with equal weights, as published.  Raises WeightsError.
+    The paper's network takes points averaged with equal weights, as published; ours also sees coarser sizes where points are
+    sparse, as in the viewer.  Raises WeightsError.
     """
     network, header = load_weights(path)
     mac = mac_per_pixel(network)
@@ -167,9 +169,12 @@ def network_method(name: str, path: Path) -> Method:
     network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mask = "no filter" if header.get("input") == "unfiltered" else OURS
 
+    def once(x: Tensor) -> Tensor:
+        return network(x.contiguous(memory_format=torch.channels_last))[:, :3].clamp(0, 1)
+
     @torch.inference_mode()
     def run(x: Tensor) -> Tensor:
-        return network(x[None].contiguous(memory_format=torch.channels_last))[0, :3].clamp(0, 1)
+        return merged(once, x[None], LEVELS if weighted else 0)[0]
 
     return Method(f"network {name}", lambda view_points: view_points.input(mask, weighted=weighted), mask, run, mac, weighted)
 

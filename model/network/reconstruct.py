@@ -3,13 +3,15 @@
 Input and output are half floats in the layout of the renderer's buffers (model/network/network_layout.py): (H, W, 8), the six
 channels of :func:`model.reference.projection.network_input`, CLOSED and BACKGROUND, to (H, W, 4), RGB and coverage.  On a CPU,
 background farther from the rest of the picture than the network's receptive field is left out.  The paper's network predicts no
-coverage: it is 1 everywhere.
+coverage: it is 1 everywhere.  Where points are sparse, a compact network sees the picture at half the size, too
+(model/network/levels.py).
 """
 
 import logging
 import math
 from pathlib import Path
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -19,6 +21,8 @@ from ..common.process.processors import usable_processors
 from .blend_cpu import Blender
 from .engines import fold_normalisation
 from .interruption import check
+from .level_loops import halved_pixels, merge, sparse_blocks
+from .levels import LEAST_SIDE, merged
 from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from .qualities import QUALITIES
 from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
@@ -108,19 +112,21 @@ class Reconstructor:
     Timofte et al. 2016) and takes four times as long.  filtered: weights trained for filtered input.
     device: "cuda" or "cpu".  precision: a key of PRECISIONS; None: :func:`fast_precision`.  engine: a key of
     :data:`model.network.engines.ENGINES` for a :class:`model.network.engines.Runner` on CUDA; None: "graph".
+    levels: coarser sizes that a compact network sees, too, where points are sparse (model/network/levels.py).
     Raises WeightsError where there are no such weights.
 
     It changes no setting of the process: see :func:`model.common.process.torch_process.prepare_inference`.
     """
 
     def __init__(self, quality: str, *, filtered: bool, device: str, precision: str | None = None,
-                 weights: Path | None = None, engine: str | None = None):
+                 weights: Path | None = None, engine: str | None = None, levels: int = 0):
         path, network, self.header = fitting_weights(quality, filtered=filtered, weights=weights)
         self.device = device
         self.precision = precision or fast_precision(device)
         self.dtype = PRECISIONS[self.precision]
         self.engine = (engine or "graph") if device == "cuda" else "eager"
         self.compact = isinstance(network, CompactUNet)
+        self.levels = levels if self.compact else 0
         self.network = fold_normalisation(network).to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.flips = FLIPS if QUALITIES[quality].mirrors else FLIPS[:1]
         mirrored = f" on {len(self.flips)} mirrored pictures" if len(self.flips) > 1 else ""
@@ -154,6 +160,30 @@ class Reconstructor:
 
     def made(self, packed: Tensor) -> Tensor:
         """The picture without leaving out background, averaged over the mirrored pictures; call it in inference mode."""
+        if self.levels == 0:
+            return self._averaged(packed)
+        if self.device == "cpu":
+            return self._merged_on_cpu(packed, self.levels)
+
+        def planes(x: Tensor) -> Tensor:
+            return self._averaged(x[0].permute(1, 2, 0).contiguous()).permute(2, 0, 1)[None]
+
+        return merged(planes, packed.permute(2, 0, 1)[None], self.levels)[0].permute(1, 2, 0).contiguous()
+
+    def _merged_on_cpu(self, packed: Tensor, levels: int) -> Tensor:
+        """The same as ``merged``, in compiled loops."""
+        packed = packed.float().contiguous()
+        large = min(packed.shape[:2]) >= LEAST_SIDE
+        shares = sparse_blocks(packed.numpy()) if levels and large else np.zeros(0)
+        made = self._averaged(packed)
+        if shares.any():
+            coarse = self._merged_on_cpu(torch.from_numpy(halved_pixels(packed.numpy())), levels - 1).float().numpy()
+            picture = made.float().numpy()
+            merge(packed.numpy(), picture, coarse, shares)
+            made = torch.from_numpy(picture).half()
+        return made
+
+    def _averaged(self, packed: Tensor) -> Tensor:
         if len(self.flips) == 1:
             return self._made_once(packed)
         total = sum(self._made_once(packed.flip(axes).contiguous()).flip(axes).float() for axes in self.flips)

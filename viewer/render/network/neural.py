@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from ....model.network.engines import ENGINES, Runner
+from ....model.network.levels import LEVELS
 from ....model.network.network_layout import PACKED_IN
 from ....model.network.reconstruct import Reconstructor, cuda_problem
 from ....model.network.weights import WeightsError
@@ -52,7 +53,7 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
             path = Path(weights) if weights else None
             _networks[key] = Reconstructor(
                 quality, filtered=filtered, device=device, weights=path, precision=None if precision == "auto" else precision,
-                engine=engine)
+                engine=engine, levels=LEVELS)
         except WeightsError as error:
             raise InputError(str(error)) from None
         except Exception as error:

@@ -1,0 +1,105 @@
+"""Sparse places: the network also sees the picture at half the size, and the two pictures are merged.
+
+Where points are sparse, gaps are wider than most of those that the network was trained on, and it keeps one spot for each
+point.  At half the size the same points lie half as far apart.  As in a Laplacian pyramid (Burt and Adelson 1983), the coarse
+picture gives the low band of the sum, and a part of the high band that grows with the noise.  How much of this is applied at a
+pixel follows from the distance between the points around it: dense places keep the picture of the full size to the byte.
+Measured pixels follow their surroundings, beyond the network's own bound (model.network.unet.KEPT_DEVIATIONS): kept within it,
+the distance of rooms without noise is up to .005 larger at one in twenty points.
+
+Reference implementation of ``model/network/level_loops.py``, and what runs on CUDA.  Chosen and judged on seven rooms and the
+street corner (assets/weights/README.md).
+"""
+
+from collections.abc import Callable
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from ..reference.pyramid import bilinear, quads
+from .network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
+
+LEVELS = 1
+"""Coarser sizes that are seen.  A second gains 0.1 dB at one in fifty points of seven rooms, and loses up to 0.06 dB in three
+of them at one in twenty."""
+CLOSE, APART = 1.4, 2.0
+"""Distance between points, pixels, up to which the coarser picture counts for nothing, and from which it counts in full."""
+BAND = 2
+"""Pixels of the coarser picture: the low band is the mean over squares of 2 * BAND + 1 of them, taken twice."""
+MOST_OF_HIGH = 0.5
+"""The largest part of the high band that is taken from the coarser picture.  All of it blurs textures."""
+HIGH_PER_LEVEL = 0.625
+"""That part, for each unit of the noise level: MOST_OF_HIGH at a standard deviation of 0.04."""
+LEAST_SIDE = 32
+"""Pixels along a picture's shorter side from which a coarser one is made of it."""
+SAME_SURFACE = 0.08 * DEPTH_FEATURE_SCALE
+"""Depth feature by which a measured pixel may be farther than the nearest of its four and still be averaged with it: 6 %."""
+DENSITY_BLOCK = 16
+"""Side, pixels, of the blocks in which measured pixels are counted."""
+CONFIDENCE, DEPTH, NOISE = 3, 4, 5
+"""Channels of the network's input."""
+
+
+def sparse(confidence: Tensor) -> Tensor:
+    """(B, 1, h, w) share 0..1 of the coarser picture, for each block of DENSITY_BLOCK pixels, by the distance between measured
+    pixels.  confidence: (B, 1, H, W)."""
+    height, width = confidence.shape[-2:]
+    kept, right, below = (confidence > 0).float(), -width % DENSITY_BLOCK, -height % DENSITY_BLOCK
+    held = F.avg_pool2d(F.pad(kept, (0, right, 0, below)), DENSITY_BLOCK)
+    whole = F.avg_pool2d(F.pad(torch.ones_like(kept), (0, right, 0, below)), DENSITY_BLOCK)
+    return ((CLOSE**-2 - held / whole) / (CLOSE**-2 - APART**-2)).clamp(0.0, 1.0)
+
+
+def halved(x: Tensor) -> Tensor:
+    """The network's input at half the size: (B, C, h, w).
+
+    x: (B, C, H, W) float32, the channels of model.network.network_layout.  A pixel is the weighted mean of those of its four
+    that belong to the nearest measured surface, and of all four where none is measured.
+    """
+    height, width = x.shape[-2:]
+    parts = quads(F.pad(x, (0, width & 1, 0, height & 1), mode="replicate"), 0.0)
+    far = torch.full_like(parts[0][:, DEPTH], 2.0 * DEPTH_FEATURE_LIMIT)
+    depths = [torch.where(part[:, CONFIDENCE] > 0, part[:, DEPTH], far) for part in parts]
+    limit = torch.stack(depths).amin(0) + SAME_SURFACE
+    weights = torch.stack([part[:, CONFIDENCE] * (part[:, DEPTH] <= limit) for part in parts])
+    total, points = weights.sum(0), (weights > 0).sum(0)
+    weights = torch.where(total > 0, weights / total.clamp_min(1e-6), 0.25)
+    made = torch.stack([weight[:, None] * part for weight, part in zip(weights, parts, strict=True)]).sum(0)
+    made[:, CONFIDENCE] = torch.where(total > 0, total / points.clamp_min(1), 0.0)
+    made[:, DEPTH] = (made[:, DEPTH] + DEPTH_FEATURE_SCALE).clamp_max(DEPTH_FEATURE_LIMIT)  # the focal length is halved, too
+    made[:, NOISE] *= points.clamp_min(1).to(x.dtype).rsqrt()
+    return made
+
+
+def merged(network: Callable[[Tensor], Tensor], x: Tensor, levels: int = LEVELS) -> Tensor:
+    """The network's picture of ``x`` with what it sees at ``levels`` coarser sizes: (1, 3 or more, H, W).
+
+    network: (1, C, H, W) -> (1, 3 or more, H, W): red, green, blue, and channels that are kept as they are.  x: its input.
+    On a CPU nothing more is computed where no pixel is sparse; on CUDA it always is, because that answer would have to be
+    waited for.
+    """
+    full, (height, width) = network(x), x.shape[-2:]
+    if levels == 0 or min(height, width) < LEAST_SIDE:
+        return full
+    blocks = sparse(x[:, CONFIDENCE : CONFIDENCE + 1])
+    if x.device.type == "cpu" and not bool(blocks.any()):
+        return full
+    picture, wide = full[:, :3].float(), x.float()
+    coarse = merged(network, halved(wide).to(x.dtype), levels - 1)[:, :3].float()
+    share = F.interpolate(blocks, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[..., :height, :width]
+    high = (wide[:, NOISE : NOISE + 1] * HIGH_PER_LEVEL).clamp(0.0, MOST_OF_HIGH)
+    low = bilinear(low_band(coarse - _mean_of_four(picture)), height, width)
+    made = picture + share * (low + high * (bilinear(coarse, height, width) - picture - low))
+    return torch.cat([made.clamp(0.0, 1.0).to(full.dtype), full[:, 3:]], 1)
+
+
+def low_band(x: Tensor) -> Tensor:
+    """(B, C, h, w) smoothed over BAND, edges repeated."""
+    side = 2 * BAND + 1
+    return F.avg_pool2d(F.avg_pool2d(F.pad(x, (2 * BAND,) * 4, mode="replicate"), side, 1), side, 1)
+
+
+def _mean_of_four(x: Tensor) -> Tensor:
+    height, width = x.shape[-2:]
+    return F.avg_pool2d(F.pad(x, (0, width & 1, 0, height & 1), mode="replicate"), 2)
