@@ -17,7 +17,6 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from ..reference.pyramid import bilinear, quads
 from .network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 
 LEVELS = 1
@@ -57,8 +56,8 @@ def halved(x: Tensor) -> Tensor:
     x: (B, C, H, W) float32, the channels of model.network.network_layout.  A pixel is the weighted mean of those of its four
     that belong to the nearest measured surface, and of all four where none is measured.
     """
-    height, width = x.shape[-2:]
-    parts = quads(F.pad(x, (0, width & 1, 0, height & 1), mode="replicate"), 0.0)
+    even = _even(x)
+    parts = [even[..., row::2, column::2] for row in (0, 1) for column in (0, 1)]
     far = torch.full_like(parts[0][:, DEPTH], 2.0 * DEPTH_FEATURE_LIMIT)
     depths = [torch.where(part[:, CONFIDENCE] > 0, part[:, DEPTH], far) for part in parts]
     limit = torch.stack(depths).amin(0) + SAME_SURFACE
@@ -89,8 +88,9 @@ def merged(network: Callable[[Tensor], Tensor], x: Tensor, levels: int = LEVELS)
     coarse = merged(network, halved(wide).to(x.dtype), levels - 1)[:, :3].float()
     share = F.interpolate(blocks, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[..., :height, :width]
     high = (wide[:, NOISE : NOISE + 1] * HIGH_PER_LEVEL).clamp(0.0, MOST_OF_HIGH)
-    low = bilinear(low_band(coarse - _mean_of_four(picture)), height, width)
-    made = picture + share * (low + high * (bilinear(coarse, height, width) - picture - low))
+    low, coarse = (F.interpolate(plane, scale_factor=2, mode="bilinear", align_corners=False)[..., :height, :width]
+                   for plane in (low_band(coarse - F.avg_pool2d(_even(picture), 2)), coarse))
+    made = picture + share * (low + high * (coarse - picture - low))
     return torch.cat([made.clamp(0.0, 1.0).to(full.dtype), full[:, 3:]], 1)
 
 
@@ -100,6 +100,6 @@ def low_band(x: Tensor) -> Tensor:
     return F.avg_pool2d(F.avg_pool2d(F.pad(x, (2 * BAND,) * 4, mode="replicate"), side, 1), side, 1)
 
 
-def _mean_of_four(x: Tensor) -> Tensor:
-    height, width = x.shape[-2:]
-    return F.avg_pool2d(F.pad(x, (0, width & 1, 0, height & 1), mode="replicate"), 2)
+def _even(x: Tensor) -> Tensor:
+    """(B, C, H, W) with even sides, the last row and column repeated."""
+    return F.pad(x, (0, x.shape[-1] & 1, 0, x.shape[-2] & 1), mode="replicate")
