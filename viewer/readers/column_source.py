@@ -62,6 +62,11 @@ class ColumnSource(Source):
         if text := odd.warning(self.path):
             self._warn(text)
 
+    def take_ranges(self, other: "ColumnSource") -> None:
+        """Ranges of colours and intensities that the types of columns do not tell are those of ``other``, another part of the
+        same scan: the same value has the same colour in both."""
+        self._file_ranges = other._file_ranges
+
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  Intensities, classes and ids as the file has them."""
         for scan, columns in colours_counted(self._record_rows(), "rgb", self.path, self.record_losses):
@@ -88,7 +93,7 @@ class ColumnSource(Source):
 
         def sample_ranges() -> Ranges:
             if not ranges:
-                ranges.update(_ranges_of(islice(self._sample_rows("rgbi", points, run) or (), RANGE_RUNS)))
+                ranges.update(ranges_of(islice(self._sample_rows("rgbi", points, run) or (), RANGE_RUNS)))
             return ranges
 
         for scan, columns in rows:
@@ -115,7 +120,7 @@ class ColumnSource(Source):
     def _file_ranges(self) -> Ranges:
         """The ranges over the whole file, read at first need."""
         if self._ranges is None:
-            self._ranges = _ranges_of(self._rows("rgbi"))
+            self._ranges = ranges_of(self._rows("rgbi"))
         return self._ranges
 
     def _warn(self, text: str) -> None:
@@ -128,7 +133,7 @@ class ColumnSource(Source):
                           remedy="copy or export it again")
 
 
-def _ranges_of(rows: Iterator[tuple[int, Columns]]) -> Ranges:
+def ranges_of(rows: Iterator[tuple[int, Columns]]) -> Ranges:
     found: Ranges = dict.fromkeys("rgbi", (np.inf, -np.inf))
     for _, columns in rows:
         for name, values in columns.items():

@@ -32,6 +32,7 @@ class Served:
 def served(files: dict[str, bytes]) -> Iterator[Served]:
     """The server, until the block ends.  ``address``: http://127.0.0.1:PORT."""
     state = Served(files)
+    tags: dict[int, tuple[bytes, str]] = {}  # the data is kept with its tag: its number names no other meanwhile
 
     class Handler(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -53,7 +54,7 @@ def served(files: dict[str, bytes]) -> Iterator[Served]:
                 self.end_headers()
                 return
             data = state.files[path]
-            tag = md5(data).hexdigest()
+            tag = tags.setdefault(id(data), (data, md5(data).hexdigest()))[1]
             match = None if state.whole_only else re.match(r"bytes=(\d+)-(\d*)", self.headers.get("Range", ""))
             first, last = (int(match[1]), min(int(match[2] or len(data)), len(data) - 1) + 1) if match else (0, len(data))
             with state.lock:

@@ -1,8 +1,7 @@
 """LAS, LAZ and COPC through laspy and lazrs, a chunk at a time.
 
-The header is checked here before laspy reads it: laspy allocates memory for a damaged record count.  Colour is 16 bits wide, as
-in the format; whether a file holds 8-bit values is decided over the whole file when the grid is built
-(viewer.preprocess.point_colour).
+The header is checked here before laspy reads it: laspy allocates memory for a damaged record count.  Colour has 16 bits;
+whether they hold 8-bit values is decided over the whole file when the grid is built (viewer.preprocess.point_colour).
 """
 
 import struct
@@ -94,8 +93,7 @@ class LasSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
-        for _, chunk in self._read(CHUNK, _OF_CHUNK):
-            yield chunk
+        return (chunk for _, chunk in self._read(CHUNK, _OF_CHUNK))
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  native: a structured array of the point format's layout."""
@@ -205,15 +203,17 @@ class LasSource(Source):
         return self._sampled(points, run)
 
     def _upper_levels(self, nodes: CopcNodes, points: int) -> Iterator[Chunk]:
-        assert self._laz is not None
-        names = set(self._header.point_format.dimension_names)
         for node, step in sampled_nodes(nodes.level, nodes.points, points):
-            count, place, held = (int(column[node]) for column in (nodes.points, nodes.place, nodes.bytes))
-            if count * self._laz.length > 2 * _BLOCK:
-                raise self._truncated(0, f"a chunk of {count:,} points is larger than any program writes")
-            with decoding(partial(self._truncated, 0)):
-                found = self._as_points(self._laz.chunk(place, held, count))
-            yield _chunk(found[::step], names)
+            yield self.node_chunk(nodes, node, step)
+
+    def node_chunk(self, nodes: CopcNodes, node: int, step: int = 1) -> Chunk:
+        """The points of one node of a COPC file, or every ``step``-th of them.  Raises InputError where they are damaged."""
+        count, place, held = (int(column[node]) for column in (nodes.points, nodes.place, nodes.bytes))
+        if self._laz is None or count * self._laz.length > 2 * _BLOCK:
+            raise self._truncated(0, f"a chunk of {count:,} points is larger than any program writes")
+        with decoding(partial(self._truncated, 0)):
+            found = self._as_points(self._laz.chunk(place, held, count))
+        return _chunk(found[::step], set(self._header.point_format.dimension_names))
 
     def _sampled(self, points: int, run: int) -> Iterator[Chunk]:
         names = set(self._header.point_format.dimension_names)

@@ -13,10 +13,10 @@ from typing import BinaryIO
 import numpy as np
 
 from ...common.errors import InputError
-from ..column_source import Columns
+from ..column_source import Columns, Ranges, ranges_of
 from ..own_folder import LEAST_UNPACKED, MOST_RATIO, MOST_UNPACKED, own_path
 from ..scaled_values import scaled
-from ..source import CHUNK
+from ..source import CHUNK, Chunk
 from .octree_source import MOST_ELEMENTS, PIECE, TYPES, OctreeSource, read_json, vector, whole
 from .octree_source import named as record_name
 
@@ -45,7 +45,7 @@ class Potree2Source(OctreeSource):
         self._attributes = self._attributes_of(meta.get("attributes"))
         self._dtype = np.dtype([(f"{i}", *kind) for i, (_, *kind) in enumerate(self._attributes)])
         self._octree = own_path(path.parent, "octree.bin")
-        self._places, self._depths = self._hierarchy(own_path(path.parent, "hierarchy.bin"), meta.get("hierarchy"))
+        self._places, self._cells = self._hierarchy(own_path(path.parent, "hierarchy.bin"), meta.get("hierarchy"))
         self.count = int(self._places["points"].sum(dtype=np.int64))
         if self.count == 0:
             raise InputError("holds no points", file=path, remedy="convert the scan again")
@@ -74,14 +74,14 @@ class Potree2Source(OctreeSource):
         return found
 
     def _hierarchy(self, path: Path, stated: object) -> tuple[np.ndarray, np.ndarray]:
-        """The nodes that hold points, each once, in the order of octree.bin, and their levels, (n,) int64, 0 at the root."""
+        """The nodes that hold points, each once, in the order of octree.bin, and their levels and places as of _cells_of."""
         first = whole(stated.get("firstChunkSize")) if isinstance(stated, dict) else None
         try:
             data, size = path.read_bytes(), self._octree.stat().st_size
         except OSError as error:
             name = error.filename or path
             raise InputError(f"cannot be read: {error.strerror}", file=name, remedy="copy the whole folder again") from None
-        runs, seen, found, levels = [(0, first or 0, 0)], set(), [], []
+        runs, seen, found, cells = [(0, first or 0, np.zeros(4, np.int64))], set(), [], []
         while runs:
             place, length, top = runs.pop()
             if length <= 0 or length % _NODE.itemsize or not 0 <= place <= len(data) - length or place in seen:
@@ -89,14 +89,14 @@ class Potree2Source(OctreeSource):
             seen.add(place)
             nodes = np.frombuffer(data, _NODE, length // _NODE.itemsize, place)
             proxies = nodes["type"] == _PROXY
-            depths = top + _levels_of(np.where(proxies, 0, nodes["children"]))
-            runs += zip(nodes["place"][proxies].tolist(), nodes["bytes"][proxies].tolist(), depths[proxies].tolist())
+            below = _cells_of(np.where(proxies, np.uint8(0), nodes["children"]), top)
+            runs += zip(nodes["place"][proxies].tolist(), nodes["bytes"][proxies].tolist(), below[proxies], strict=True)
             held = ~proxies & (nodes["bytes"] != 0) & (nodes["points"] != 0)
             found.append(nodes[held])
-            levels.append(depths[held])
-        nodes, depths = np.concatenate(found), np.concatenate(levels)
+            cells.append(below[held])
+        nodes, below = np.concatenate(found), np.concatenate(cells)
         order = np.argsort(nodes["place"], kind="stable")
-        nodes, depths = nodes[order], depths[order]
+        nodes, below = nodes[order], below[order]
         ends = nodes["place"] + nodes["bytes"]
         if len(nodes) and (nodes["place"].min() < 0 or nodes["bytes"].min() < 0 or ends.min() < 0 or ends.max() > size):
             lost = int(nodes["points"][(ends > size) | (ends < 0)].sum(dtype=np.int64))
@@ -113,12 +113,26 @@ class Potree2Source(OctreeSource):
             node = nodes[wrong][0]
             what = f"{node['points']:,} points of {self._dtype.itemsize} bytes"
             raise self._damaged(f"a node of {what} cannot have {node['bytes']:,} bytes", path)
-        return nodes, depths
+        return nodes, below
 
     def node_runs(self) -> np.ndarray:
-        """(n, 4) int64 of each node: its level, its points, and the first and last byte in octree.bin, the last left out."""
+        """(n, 7) int64 of each node: its level, its points, the first and last byte in octree.bin, the last left out, and its
+        place x, y, z among the cubes of its level."""
         first = self._places["place"]
-        return np.stack([self._depths, self._places["points"], first, first + self._places["bytes"]], axis=1).astype(np.int64)
+        runs = np.stack([self._cells[:, 0], self._places["points"], first, first + self._places["bytes"]], axis=1)
+        return np.hstack([runs.astype(np.int64), self._cells[:, 1:]])
+
+    def node_chunks(self, number: int) -> Iterator[Chunk]:
+        """The points of one node.  number: the row of ``node_runs``.  Ranges of colours and intensities that their types do not
+        tell are those of the root."""
+
+        def root_ranges() -> Ranges:
+            if self._ranges is None:
+                self._ranges = ranges_of(self._node(int(self._cells[:, 0].argmin())))
+            return self._ranges
+
+        for scan, columns in self._node(number):
+            yield self._chunk(scan, columns, root_ranges)
 
     def _widths(self) -> list[tuple[str, int]]:
         """Name and bytes per point of the attributes in BROTLI encoding."""
@@ -131,7 +145,7 @@ class Potree2Source(OctreeSource):
                 yield from self._points_of(file, node)
 
     def _levels(self) -> np.ndarray:
-        return np.stack([self._depths, self._places["points"]], axis=1).astype(np.int64)
+        return np.stack([self._cells[:, 0], self._places["points"]], axis=1).astype(np.int64)
 
     def _node(self, number: int) -> Iterator[tuple[int, Columns]]:
         with self._octree.open("rb") as file:
@@ -205,14 +219,22 @@ class Potree2Source(OctreeSource):
         return columns | {record_name(name): named[name] for name in further if named[name].dtype.kind in "iuf"}
 
 
-def _levels_of(children: np.ndarray) -> np.ndarray:
-    """(n,) int64: level of each node below the first of a run.  children: (n,) uint8 masks, nodes in breadth-first order."""
-    ends = 1 + np.unpackbits(children[:, None], axis=1).sum(axis=1).cumsum().astype(np.int64)  # of the children of each node
-    levels, begin, end, level = np.empty(len(children), np.int64), 0, 1, 0
+def _cells_of(children: np.ndarray, top: np.ndarray) -> np.ndarray:
+    """(n, 4) int64: level of each node of a run, and its place x, y, z among the cubes of its level.  children: (n,) uint8
+    masks, nodes in breadth-first order; octants, in which 4 is x, 2 is y and 1 is z.  top: (4,) those of the first."""
+    masks = np.unpackbits(children[:, None], axis=1, bitorder="little")
+    found, begin, end = np.zeros((len(children), 4), np.int64), 0, 1
+    found[:1] = top
     while begin < len(children):
-        levels[begin:end] = level
-        begin, end, level = end, max(int(ends[min(end, len(ends)) - 1]), end + 1), level + 1  # nodes without a parent: damaged
-    return levels
+        parents, octants = np.nonzero(masks[begin:end])
+        last = min(end + len(parents), len(children))
+        parents, octants = parents[: last - end] + begin, octants[: last - end]
+        found[end:last, 0] = found[parents, 0] + 1
+        found[end:last, 1:] = 2 * found[parents, 1:] + (octants[:, None] >> np.array([2, 1, 0]) & 1)
+        if last == end < len(children):  # nodes without a parent: damaged
+            found[end], last = found[begin] + (1, 0, 0, 0), end + 1
+        begin, end = end, last
+    return found
 
 
 def _third_bits(values: np.ndarray) -> np.ndarray:

@@ -28,13 +28,16 @@ Copy = TypeVar("Copy")
 Result = TypeVar("Result")
 
 
-def use(address: Address, opened: Callable[[Path, RemoteObject], Copy], work: Callable[[Copy], Result]) -> Result:
+def use(address: Address, opened: Callable[[Path, RemoteObject], Copy], work: Callable[[Copy], Result], *,
+        whole: bool = False) -> Result:
     """What ``work`` returns of the copy of an address, begun once more where the original changes meanwhile.
 
-    opened: makes the copy, of its folder in the cache and what lies at the address."""
+    opened: makes the copy, of its folder in the cache and what lies at the address.  whole: all of it is read, and older copies
+    make room for it."""
     for last in (False, True):
         remote = RemoteObject(address, _HEAD)
-        make_room(address, remote.size)
+        if whole:
+            make_room(address, remote.size)
         with alone(address):
             try:
                 return work(opened(folder_of(address), remote))
@@ -75,14 +78,19 @@ def _lock_of(folder: Path, name: str) -> int:
 
 def make_room(address: Address, size: int) -> None:
     """Removes the copies used longest ago where all, with the one that comes, are more than allowed."""
-    limit = _limit_gb() * 1e9
+    limit = limit_bytes()
     others = sorted((entry for entry in home().glob("*/") if entry.name != address.key), key=_last_used)
-    held = {entry: sum(_on_disk(file) for file in entry.rglob("*")) for entry in others}
+    held = {entry: bytes_on_disk(entry) for entry in others}
     for entry in others:
         if sum(held.values()) + size <= limit or _last_used(entry) > time.time() - _RECENT_S:
             return
         shutil.rmtree(entry, ignore_errors=True)
         held.pop(entry)
+
+
+def bytes_on_disk(folder: Path) -> int:
+    """Bytes that the files of a folder take."""
+    return sum(_on_disk(file) for file in folder.rglob("*"))
 
 
 def _on_disk(file: Path) -> int:
@@ -94,10 +102,11 @@ def _on_disk(file: Path) -> int:
     return getattr(found, "st_blocks", -(-found.st_size // 512)) * 512
 
 
-def _limit_gb() -> float:
+def limit_bytes() -> float:
+    """Bytes that all copies may take."""
     text = os.environ.get("POINTGLASS_REMOTE_GB", "")
     try:
-        return float(text) if text else _LIMIT_GB
+        return 1e9 * (float(text) if text else _LIMIT_GB)
     except ValueError:
         raise InputError(f"POINTGLASS_REMOTE_GB is {text!r}: expected a number of gigabytes") from None
 

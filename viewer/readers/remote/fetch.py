@@ -35,7 +35,7 @@ def fetched(address: Address, said: list[str] | None = None) -> Path:
     try:
         if octree := octree_at(address):
             return fetched_octree(octree, label)
-        return use(address, _opened(address), lambda copy: _whole(copy, label))
+        return use(address, _opened(address), lambda copy: _whole(copy, label), whole=True)
     except UnreachableError as error:
         if (path := complete_octree(address) or _complete_file(address)) is None:
             raise
@@ -54,7 +54,7 @@ def coarse(address: Address, points: int, before: int = 0) -> UpperLevels | None
         return upper_octree_levels(octree, points, before)
 
     def read(copy: LocalCopy) -> UpperLevels | None:
-        described = _describe(copy)
+        described = describe(copy)
         if copy.complete:
             return UpperLevels(copy.path, max(points, _WHOLE_FILE), not before)
         if not described or (nodes := read_nodes(copy.path, described)) is None:
@@ -71,7 +71,7 @@ def described(address: Address) -> tuple[Path, float] | None:
     None for other formats, for servers that give no parts, and for files that are there completely."""
 
     def read(copy: LocalCopy) -> tuple[Path, float] | None:
-        return (copy.path, copy.share) if not copy.complete and copy.remote.ranges and _describe(copy) else None
+        return (copy.path, copy.share) if not copy.complete and copy.remote.ranges and describe(copy) else None
 
     return use(address, _opened(address), read)
 
@@ -91,8 +91,8 @@ def _complete_file(address: Address) -> Path | None:
     return path if state is not None and state["complete"] and path.is_file() else None
 
 
-def _describe(copy: LocalCopy) -> int:
-    """Reads what describes a LAS file; the number of its points, 0 for other files."""
+def describe(copy: LocalCopy) -> int:
+    """Reads what describes a LAS file (header, records, table of chunks, hierarchy); the number of its points, 0 for others."""
     if not copy.remote.ranges:
         return 0
     with copy.path.open("rb") as file:

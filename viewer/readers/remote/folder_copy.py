@@ -56,10 +56,18 @@ class FolderCopy:
     def complete(self) -> bool:
         return bool(self._state["complete"])
 
+    def is_current(self) -> bool:
+        """Whether the file that describes the octree is still the same at the address."""
+        now = RemoteObject(self.address, 1)
+        return (now.size, now.tag) == (self._state["size"], self._state["tag"])
+
+    def empty(self) -> None:
+        """Gives up all files but the one that describes the octree."""
+        self._empty(self.entry)
+
     def finish(self) -> None:
         """All files are there.  Raises ChangedFileError where the octree is another one by now."""
-        now = RemoteObject(self.address, 1)
-        if (now.size, now.tag) != (self._state["size"], self._state["tag"]):
+        if not self.is_current():
             raise ChangedFileError
         self._state["complete"] = True
         self._note()

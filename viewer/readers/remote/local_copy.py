@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +87,11 @@ class LocalCopy:
         finally:
             self._note()
 
+    def empty(self) -> None:
+        """Gives up what is there."""
+        self._there[:] = False
+        self._new()
+
     def fetch_all(self, label: str) -> None:
         """Reads all that is not there."""
         if not (self.remote.ranges or self.complete):
@@ -127,7 +132,7 @@ class LocalCopy:
     def _pieces(self, ranges: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
         """The blocks of ranges that are missing, neighbours together up to PIECE, in the order of the ranges."""
         taken, pieces = self._there.copy(), []
-        for first, last in ranges:
+        for first, last in _merged(ranges):
             low, high = max(first, 0) // BLOCK, -(-min(last, self.remote.size) // BLOCK)
             missing = np.flatnonzero(~taken[low:high]) + low
             taken[low:high] = True
@@ -171,6 +176,19 @@ def read_state(folder: Path) -> dict[str, Any] | None:
         return state if isinstance(state["size"], int) and isinstance(state["complete"], bool) and state["tag"] else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _merged(ranges: Iterable[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """Ranges, of which those that follow each other closely are one, so that they are one request."""
+    begin = end = 0
+    for first, last in ranges:
+        if begin <= first <= end + BLOCK:
+            end = max(end, last)
+            continue
+        if end > begin:
+            yield begin, end
+        begin, end = first, last
+    yield begin, end
 
 
 def _write(file: int, data: bytes, place: int) -> None:

@@ -85,6 +85,11 @@ def upper_octree_levels(address: Address, points: int, before: int) -> UpperLeve
     return _used(address, read)
 
 
+def octree_parts(address: Address) -> "tuple[FolderCopy, OctreeParts]":
+    """The copy of an octree, and what its hierarchy says of all nodes."""
+    return _used(address, lambda copy, parts: (copy, parts))
+
+
 def described_octree(address: Address) -> tuple[Path, "OctreeParts"]:
     """The describing file of the octree's root node, and what its hierarchy says of all nodes."""
     from .octree_parts import upper_octree

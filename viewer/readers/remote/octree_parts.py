@@ -8,6 +8,8 @@ import json
 import os
 import re
 import shutil
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +28,8 @@ _KEYS = {POTREE1: ("octreeDir", "boundingBox"), POTREE2: ("hierarchy", "encoding
 """Keys by which such a file is recognised where it has another name."""
 _PACKED_POINT = 8
 """Bytes that a compressed point is taken to need where none are stated: between 5 and 12 in the LAZ files at hand."""
+_SPAN = 128
+"""Points along a node's side where an octree does not state it (entwine's default is 128, Potree's too)."""
 _NODE = re.compile("r[0-7]{0,60}")
 
 
@@ -33,7 +37,9 @@ _NODE = re.compile("r[0-7]{0,60}")
 class OctreeParts:
     """levels, points: (n,) int64 of the nodes that hold points.  files: of each node, relative to the folder.  runs: (n, 2)
     int64, of Potree 2 in place of files: first and last byte in octree.bin, the last left out.  size: bytes of all, an estimate
-    where the octree does not state it.  bounds: (2, 3) corners, None where none are stated."""
+    where the octree does not state it.  bounds: (2, 3) corners, None where none are stated.  cells: (n, 3) int64, each node's
+    place x, y, z among the cubes of its level.  cube: (4,) lowest corner and side of the root's, None where it is not stated.
+    spacing: of the root's points, 0 where it is not stated."""
 
     levels: np.ndarray
     points: np.ndarray
@@ -42,6 +48,9 @@ class OctreeParts:
     runs: np.ndarray | None = None
     octree: LocalCopy | None = None
     bounds: np.ndarray | None = None
+    cells: np.ndarray | None = None
+    cube: np.ndarray | None = None
+    spacing: float = 0.0
 
     def fetch(self, copy: FolderCopy, nodes: np.ndarray, label: str | None = None) -> None:
         """Reads nodes, (k,) numbers, as far as they are not there.  label: of the progress; None: none."""
@@ -49,6 +58,13 @@ class OctreeParts:
             self.octree.fetch([(first, last) for first, last in self.runs[nodes].tolist()], label)
         else:
             copy.get([self.files[node] for node in nodes.tolist()], label)
+
+    def empty(self, copy: FolderCopy) -> None:
+        """Gives up all nodes that are there."""
+        if self.octree is not None:
+            self.octree.empty()
+        else:
+            copy.empty()
 
 
 def parts_of(copy: FolderCopy) -> OctreeParts:
@@ -72,11 +88,14 @@ def _ept(copy: FolderCopy, meta: dict) -> OctreeParts:
     points = np.array(list(counts.values()), np.int64)
     fields = meta.get("schema") if suffix == "bin" else None
     sizes = [whole(entry.get("size"), 4096) or 0 for entry in fields or () if isinstance(entry, dict)]
-    low_high = vector(meta.get("boundsConforming"), 6)
-    low_high = vector(meta.get("bounds"), 6) if low_high is None else low_high
+    low_high, cube = vector(meta.get("boundsConforming"), 6), vector(meta.get("bounds"), 6)
+    low_high = cube if low_high is None else low_high
     return OctreeParts(levels, points, [f"{ept.DATA}/{name}.{suffix}" for name in counts],
                        int(points.sum()) * (sum(sizes) or _PACKED_POINT),
-                       bounds=None if low_high is None else low_high.reshape(2, 3))
+                       bounds=None if low_high is None else low_high.reshape(2, 3),
+                       cells=np.array([name.split("-")[1:] for name in counts], np.int64).reshape(-1, 3),
+                       cube=None if cube is None else np.append(cube[:3], cube[3] - cube[0]),
+                       spacing=0.0 if cube is None else (cube[3] - cube[0]) / (whole(meta.get("span"), 1 << 20) or _SPAN))
 
 
 def _potree2(copy: FolderCopy, meta: dict) -> OctreeParts:
@@ -85,8 +104,9 @@ def _potree2(copy: FolderCopy, meta: dict) -> OctreeParts:
     found = Potree2Source(copy.entry).node_runs()
     box = next((entry for entry in meta.get("attributes", []) if str(entry.get("name")).lower().startswith("position")), {})
     stated = meta.get("boundingBox")
-    return OctreeParts(found[:, 0], found[:, 1], [], octree.remote.size, found[:, 2:], octree,
-                       _box(box, "min", "max") if "min" in box else _box(stated, "min", "max"))
+    root = _box(stated, "min", "max")
+    return OctreeParts(found[:, 0], found[:, 1], [], octree.remote.size, found[:, 2:4], octree,
+                       _box(box, "min", "max") if "min" in box else root, found[:, 4:], _cube(root), _spacing(meta))
 
 
 def _potree1(copy: FolderCopy, meta: dict) -> OctreeParts:
@@ -106,9 +126,11 @@ def _potree1(copy: FolderCopy, meta: dict) -> OctreeParts:
         raise damaged(f"{wrong[:40]!a} is no name of a node", copy.entry)
     held = {name: count for name, count in counts.items() if count}
     tight = _box(meta.get("tightBoundingBox"), "lx ly lz", "ux uy uz")
+    root = _box(meta.get("boundingBox"), "lx ly lz", "ux uy uz")
     return OctreeParts(np.array([len(name) - 1 for name in held], np.int64), np.array(list(held.values()), np.int64),
                        [f"{_place(folder, name, step)}.{suffix}" for name in held], sum(held.values()) * 2 * _PACKED_POINT,
-                       bounds=_box(meta.get("boundingBox"), "lx ly lz", "ux uy uz") if tight is None else tight)
+                       bounds=root if tight is None else tight, cells=np.array([*map(_cell, held)], np.int64).reshape(-1, 3),
+                       cube=_cube(root), spacing=_spacing(meta))
 
 
 def _from_hrc(copy: FolderCopy, folder: str, step: int) -> dict[str, int]:
@@ -136,6 +158,20 @@ def _place(folder: str, name: str, step: int) -> str:
     return "/".join([folder, "r", *parts, name])
 
 
+def _cell(name: str) -> list[int]:
+    """The place x, y, z of a Potree node such as r0412: octants, in which 4 is x, 2 is y and 1 is z."""
+    return [sum((int(octant) >> axis & 1) << place for place, octant in enumerate(reversed(name[1:]))) for axis in (2, 1, 0)]
+
+
+def _cube(box: np.ndarray | None) -> np.ndarray | None:
+    return None if box is None else np.append(box[0], (box[1] - box[0]).max())
+
+
+def _spacing(meta: dict) -> float:
+    stated = vector([meta.get("spacing")], 1)
+    return 0.0 if stated is None else float(stated[0])
+
+
 def _box(stated: object, low: str, high: str) -> np.ndarray | None:
     """(2, 3) corners from the keys of both, in one word of three numbers or in three words of one."""
     if not isinstance(stated, dict):
@@ -151,11 +187,28 @@ def upper_octree(copy: FolderCopy, parts: OctreeParts, nodes: np.ndarray) -> Pat
         return copy.entry
     home = copy.folder.parent / f"upper-{len(nodes)}"
     entry = home / copy.folder.name / copy.entry.name
-    if entry.is_file():
-        return entry
-    beside = home.with_name(f"{home.name}.{os.getpid()}.part")
-    shutil.rmtree(beside, ignore_errors=True)
-    made, meta = beside / copy.folder.name, read_json(copy.entry)
+    if not entry.is_file():
+        beside = home.with_name(f"{home.name}.{os.getpid()}.part")
+        shutil.rmtree(beside, ignore_errors=True)
+        _link(copy, parts, nodes, beside / copy.folder.name)
+        with contextlib.suppress(OSError):  # another process was faster
+            beside.rename(home)
+        shutil.rmtree(beside, ignore_errors=True)
+    return entry
+
+
+@contextlib.contextmanager
+def linked_octree(copy: FolderCopy, parts: OctreeParts, nodes: np.ndarray) -> Iterator[Path]:
+    """As :func:`upper_octree`, of any nodes of EPT and Potree 1, until the block ends."""
+    with tempfile.TemporaryDirectory(prefix="upper-", dir=copy.folder.parent, ignore_cleanup_errors=True) as home:
+        made = Path(home) / copy.folder.name
+        _link(copy, parts, nodes, made)
+        yield made / copy.entry.name
+
+
+def _link(copy: FolderCopy, parts: OctreeParts, nodes: np.ndarray, made: Path) -> None:
+    """Makes an octree of some nodes in the folder ``made``."""
+    meta = read_json(copy.entry)
     for node in nodes.tolist():
         file = made / parts.files[node]
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -171,7 +224,3 @@ def upper_octree(copy: FolderCopy, parts: OctreeParts, nodes: np.ndarray) -> Pat
     else:
         meta["hierarchy"] = []  # the nodes are those whose files are there
     (made / copy.entry.name).write_text(json.dumps(meta))
-    with contextlib.suppress(OSError):  # another process was faster
-        beside.rename(home)
-    shutil.rmtree(beside, ignore_errors=True)
-    return entry
