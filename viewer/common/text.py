@@ -77,5 +77,5 @@ def count_text(number: int) -> str:
     """A count that is read at a glance: 950, 12.3 k, 1.04 M, 2.10 G."""
     for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
         if number >= size:
-            return f"{number / size:.3g} {unit}" if number / size >= 100 else f"{number / size:#.3g} {unit}"
+            return f"{number / size:.0f} {unit}" if number / size >= 99.95 else f"{number / size:#.3g} {unit}"
     return str(number)

@@ -4,11 +4,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ...model.appearance.spacing import median_spacing
 from ..grid.build_scene import in_memory, stated_facts
 from ..readers.source import CHUNK, Chunk, Source
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
+    from ..readers.remote.octree_view import OctreeNodes
+
+_CUBES, _QUERIES, _ENOUGH = 6, 256, 64
+"""Leaves in which spacing is measured, chosen in proportion to their points; points of each, and those that it has at least."""
 
 
 class NodeSource(Source):
@@ -32,8 +39,9 @@ class NodeSource(Source):
                 yield Chunk(part.xyz[rows], rgb, intensity, part.scan, 0, station, classes)
 
 
-def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, match: bool = True) -> "Scene":
-    """The scene of points of some nodes.  of: the whole scan.  match: as for viewer.grid.open_scene.open_scene.
+def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, spacing: float = 0.0, match: bool = True) -> "Scene":
+    """The scene of points of some nodes.  of: the whole scan.  spacing: of all its points, file units; 0: that of these.
+    match: as for viewer.grid.open_scene.open_scene.
 
     Exposures, missing colour and noise are estimated of these points alone.  Raises InputError where none is valid."""
     from ..grid.building.two_passes import build_grid
@@ -41,4 +49,24 @@ def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, match: bool = True) ->
 
     sources: list[Source] = [NodeSource(of, parts)]
     known = replace(stated_facts(sources), match=match)
-    return build_grid(sources, colours=Colours(sources, match=match), allocate=in_memory, known=known)
+    scene = build_grid(sources, colours=Colours(sources, match=match), allocate=in_memory, known=known)
+    return replace(scene, spacing=spacing) if spacing > 0 else scene
+
+
+def finest_spacing(nodes: "OctreeNodes", numbers: np.ndarray, parts: Sequence[Chunk]) -> float:
+    """Median spacing where all points of the scan are there, file units; 0.0 where that is nowhere.  A scene of which far parts
+    are coarse would take their spacing for the scan's, and fill other holes.
+
+    numbers: (k,) of the nodes that ``parts`` are the points of."""
+    leaves = numbers[nodes.leaves[numbers]]
+    if not len(leaves):
+        return 0.0
+    share = np.cumsum(nodes.points[leaves])
+    found = []
+    for leaf in leaves[np.searchsorted(share, (np.arange(_CUBES) + 0.5) / _CUBES * share[-1])].tolist():
+        low, high = nodes.low[leaf], nodes.low[leaf] + nodes.sides[leaf]
+        inside = [part.xyz[((part.xyz >= low) & (part.xyz <= high)).all(axis=1)] for part in parts]
+        points = np.concatenate([np.zeros((0, 3)), *inside])
+        if len(points) > _ENOUGH:
+            found.append(median_spacing(points, samples=_QUERIES))
+    return float(np.median(found)) if found else 0.0

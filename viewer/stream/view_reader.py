@@ -6,11 +6,13 @@ and of earlier views as many as memory allows.  A lost network is tried again un
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
+from itertools import count
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,7 +22,7 @@ from ..picture.camera import Camera
 from ..readers.remote.octree_view import OctreeView, octree_view
 from ..readers.remote.remote_object import ChangedFileError, UnreachableError
 from .nodes_in_view import MOST_POINTS, nodes_in_view
-from .scene_of_nodes import scene_of_nodes
+from .scene_of_nodes import finest_spacing, scene_of_nodes
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -30,21 +32,25 @@ _KEPT = MOST_POINTS * 4 // 3
 """Points in memory, those of earlier views with them: 35 bytes each as they are read, and 12 in the scene."""
 _BATCH_S, _LEAST_BATCH, _MOST_BATCH = 0.7, 256 << 10, 16 << 20
 """Seconds that a batch of nodes is to take at the line's speed, after which the camera is looked at again; its bytes."""
-_GROWTH, _SHOWN_S = 3.0, 1.5
-"""A new scene is made when one in so many of its points is new, and after so many seconds where any is."""
+_AHEAD = 4
+"""Batches that are asked for while others are decoded and a scene is made."""
+_GROWTH, _SHOWN_S, _REST = 4.0, 0.5, 1.0
+"""A new scene is made when one in so many of its points is new and so many seconds have passed since the last, at least so many
+times those that it took; and when the view is complete."""
 _PAUSES_S = (1.0, 2.0, 4.0, 8.0, 15.0)
 """Before a lost network is tried again; the last from then on."""
 _NICENESS = 5
 _UNMEASURED_S = 0.02
 """What takes less was there."""
 _log = logging.getLogger(__name__)
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class ReadingState:
     """What is being read for the view.  points, here: of the whole scan, and of those in the scene.  size, held: bytes of the
     whole, and of the nodes read so far.  left: bytes still to be fetched for this view.  problem: why nothing comes now, else
-    "".  ended: it stays so."""
+    "".  ended: it stays so.  complete: the last camera of which the latest scene has all."""
 
     points: int
     size: int
@@ -53,6 +59,7 @@ class ReadingState:
     left: int = 0
     problem: str = ""
     ended: bool = False
+    complete: Camera | None = None
 
 
 @dataclass
@@ -126,7 +133,8 @@ class ViewReader:
                 except ChangedFileError:
                     self._begin_anew()
         except InputError as error:
-            self._tell(problem=str(error), ended=True)
+            if not self._closed:
+                self._tell(problem=str(error), ended=True)
         except MemoryError:
             self._tell(problem="not enough memory for more points", ended=True)
         except Exception as error:
@@ -137,30 +145,35 @@ class ViewReader:
 
     def _read(self, pool: ThreadPoolExecutor) -> None:
         """Reads for one camera after the other, until it is closed."""
-        looked, view, fresh, shown_at = None, _View(), 0, monotonic()
-        coming: tuple[np.ndarray, Future[float]] | None = None
+        looked, view, fresh, next_scene = None, _View(), 0, 0.0
+        coming: deque[tuple[np.ndarray, Future[float]]] = deque()
         while not self._closed:
-            came, coming = coming, None
-            if came is not None and not self._arrived(came[0], came[1]):
-                return
             if self._camera is not looked and self._camera is not None:
                 looked = self._camera
                 view = _View(np.concatenate(nodes_in_view(self._octree.nodes, looked)), view.number + 1)
                 self._use(view)
-            batch = self._next(view, came[0] if came else None)
-            if len(batch):
-                coming = batch, pool.submit(self._fetch, batch)
-            if came is not None:
-                self._take_in(came[0], view)
-                fresh += int(self._octree.nodes.points[came[0]].sum())
+                coming = deque(one for one in coming if not one[1].cancel())
+            while len(coming) < _AHEAD and len(batch := self._next(view, [numbers for numbers, _ in coming])):
+                coming.append((batch, pool.submit(self._fetch, batch)))
+            if coming:
+                numbers, fetching = coming.popleft()
+                try:
+                    if not self._arrived(numbers, fetching):
+                        return
+                except ChangedFileError:
+                    wait([one for _, one in coming if not one.cancel()])  # they would empty the new copy
+                    raise
+                self._take_in(numbers, view)
+                fresh += int(self._octree.nodes.points[numbers].sum())
             left = self._missing(view)
-            complete = not len(left)
             self._tell(left=int(self._octree.nodes.bytes[left].sum()))
             grown = fresh * _GROWTH >= sum(len(kept.chunk.xyz) for kept in self._kept)
-            if fresh and (complete or grown or monotonic() > shown_at + _SHOWN_S):
+            if fresh and (not len(left) or (grown and monotonic() > next_scene)):
+                began = monotonic()
                 self._show()
-                fresh, shown_at = 0, monotonic()
-            if complete and coming is None:
+                fresh, next_scene = 0, monotonic() + max(_SHOWN_S, _REST * (monotonic() - began))
+            if not len(left) and not coming:
+                self._tell(complete=looked)
                 self._wait(looked)
 
     def _use(self, view: _View) -> None:
@@ -172,31 +185,35 @@ class ViewReader:
         there = np.concatenate([np.empty(0, np.int64), *(kept.numbers for kept in self._kept)])
         return view.wanted[~np.isin(view.wanted, there)]
 
-    def _next(self, view: _View, coming: np.ndarray | None) -> np.ndarray:
-        """The nodes to be fetched next, about _BATCH_S of the line."""
+    def _next(self, view: _View, coming: "list[np.ndarray]") -> np.ndarray:
+        """The nodes to be fetched next, about _BATCH_S of the line.  coming: those under way."""
         left = self._missing(view)
-        left = left if coming is None else left[~np.isin(left, coming)]
+        left = left[~np.isin(left, np.concatenate(coming))] if coming else left
         most = min(max(_BATCH_S * self._speed, _LEAST_BATCH), _MOST_BATCH)
         return left[: max(1, int(np.searchsorted(np.cumsum(self._octree.nodes.bytes[left]), most, "right")))]
 
     def _fetch(self, numbers: np.ndarray) -> float:
-        """Fetches nodes, again and again where the network is lost.  Returns the seconds it took."""
-        attempt = 0
-        while True:
-            began = monotonic()
+        """Fetches nodes.  Returns the seconds that it took."""
+        began = monotonic()
+        self._patiently(lambda: self._octree.fetch(numbers))
+        return monotonic() - began
+
+    def _patiently(self, work: "Callable[[], Result]") -> "Result":
+        """What ``work`` returns, tried again and again where the network is lost.  Raises UnreachableError once closed."""
+        for attempt in count():
             try:
-                self._octree.fetch(numbers)
+                done = work()
             except UnreachableError as error:
                 pause = _PAUSES_S[min(attempt, len(_PAUSES_S) - 1)]
-                attempt += 1
                 self._tell(problem=f"{str(error).split(';', 1)[0]}; trying again every {pause:.0f} s")
                 with self._news:
-                    if self._closed or self._news.wait_for(lambda: self._closed, pause):
+                    if self._news.wait_for(lambda: self._closed, pause):
                         raise
-                continue
-            if attempt:
-                self._tell(problem="")
-            return monotonic() - began
+            else:
+                if attempt:
+                    self._tell(problem="")
+                return done
+        raise AssertionError("it goes on until it is done or closed")
 
     def _arrived(self, numbers: np.ndarray, fetching: "Future[float]") -> bool:
         """Waits for nodes.  False where it was closed meanwhile."""
@@ -221,7 +238,9 @@ class ViewReader:
             self._kept.remove(oldest)
 
     def _show(self) -> None:
-        made = self._prepare(scene_of_nodes(self._octree.source, [kept.chunk for kept in self._kept], match=self._match))
+        parts = [kept.chunk for kept in self._kept]
+        spacing = finest_spacing(self._octree.nodes, np.concatenate([kept.numbers for kept in self._kept]), parts)
+        made = self._prepare(scene_of_nodes(self._octree.source, parts, spacing=spacing, match=self._match))
         with self._news:
             self._made = made
         self._wake()
@@ -241,7 +260,7 @@ class ViewReader:
 
     def _begin_anew(self) -> None:
         """The scan changed on the server: nothing of the old one is kept."""
-        found = octree_view(self._octree.address, -1)
+        found = self._patiently(lambda: octree_view(self._octree.address, -1))
         if found is None:
             raise InputError(f"{self._octree.address.text}: is another file than before", remedy="open it again")
         self._octree, self._kept = found, []

@@ -4,10 +4,11 @@ What was read lies in the copy in the cache folder, which keeps to the limit of 
 after the other, so that other processes can use it between them.  Frame: the file's.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import chain
 from operator import add
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.process.processors import usable_processors
+from ...common.errors import InputError
 from ..las.copc_nodes import CopcNodes, read_nodes
 from ..source import Chunk, Source
 from .address import Address
@@ -33,17 +35,39 @@ _SPAN = 128
 """Points along a node's side where the file does not state their spacing, as most writers have it."""
 
 
+_WHOLE_MB = 64.0
+
+
+def most_whole() -> int:
+    """Bytes up to which an octree is fetched whole, ten seconds at 50 Mbit/s: POINTGLASS_REMOTE_WHOLE_MB, or 64 MB."""
+    text = os.environ.get("POINTGLASS_REMOTE_WHOLE_MB", "")
+    try:
+        return int(1e6 * (float(text) if text else _WHOLE_MB))
+    except (ValueError, OverflowError):
+        raise InputError(f"POINTGLASS_REMOTE_WHOLE_MB is {text!r}: expected a number of megabytes") from None
+
+
 @dataclass(frozen=True, eq=False)
 class OctreeNodes:
-    """The nodes that hold points.  levels, points, bytes: (n,) int64; bytes of EPT and Potree 1 are estimates.  low: (n, 3)
-    lowest corners of their cubes, sides: (n,) lengths, spacing: (n,) of their points; float64, file units."""
+    """The nodes that hold points.  levels, points, bytes: (n,) int64; bytes of EPT and Potree 1 are estimates.  cells: (n, 3)
+    int64, places among the cubes of a level.  low: (n, 3) lowest corners of the cubes, sides: (n,) lengths, spacing: (n,) of
+    the points; float64, file units."""
 
     levels: np.ndarray
+    cells: np.ndarray
     points: np.ndarray
     bytes: np.ndarray
     low: np.ndarray
     sides: np.ndarray
     spacing: np.ndarray
+
+    @cached_property
+    def leaves(self) -> np.ndarray:
+        """(n,) bool: nodes without children; with all above them, all points in their cubes are there."""
+        rows = np.column_stack([self.levels, self.cells])
+        parents = np.column_stack([rows[:, 0] - 1, rows[:, 1:] >> 1])
+        found = np.unique(np.concatenate([rows, parents]), axis=0, return_inverse=True)[1].reshape(-1)
+        return ~np.isin(found[: len(rows)], found[len(rows) :])
 
 
 class OctreeView:
@@ -161,7 +185,7 @@ def _nodes(levels: np.ndarray, points: np.ndarray, held: np.ndarray, cells: np.n
            spacing: float) -> OctreeNodes:
     sides = side / 2.0**levels
     finest = (spacing if spacing > 0 else side / _SPAN) / 2.0**levels
-    return OctreeNodes(levels, points, held, low + cells * sides[:, None], sides, finest)
+    return OctreeNodes(levels, cells, points, held, low + cells * sides[:, None], sides, finest)
 
 
 def _joined(chunks: list[Chunk]) -> Chunk:

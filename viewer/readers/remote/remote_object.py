@@ -33,6 +33,7 @@ _REASONS = {
     "tcp connect error|network ?unreachable": "the server cannot be reached",
 }
 """What obstore says, as a pattern, and in words for a person; the first that fits."""
+_NO_RANGES = re.compile(r"status code: 416|416 Range|range.*support", re.IGNORECASE | re.DOTALL)
 _CONNECT, _WHOLE = timedelta(seconds=10), timedelta(seconds=120)
 """A request has a few MiB at most: two minutes are 30 kB/s."""
 
@@ -89,7 +90,10 @@ class RemoteObject:
             return self.head[:last]
         why = ""
         for attempt in range(_ATTEMPTS):
-            answer = self._asked(first, last)
+            try:
+                answer = self._asked(first, last)
+            except _NoRanges:
+                raise self._error("the server gives no parts of the file any more", "try again later") from None
             tag = answer.meta["e_tag"] or f"{answer.meta['last_modified'].timestamp():.0f}"
             if tag != self.tag or int(answer.meta["size"]) != self.size:
                 raise ChangedFileError
@@ -136,7 +140,7 @@ class RemoteObject:
                 raise _NoRanges from None
             except Exception as error:
                 text = str(error)
-                if part and ("416" in text or ("range" in text.lower() and "support" in text.lower())):
+                if part and _NO_RANGES.search(_without_addresses(text)):
                     raise _NoRanges from None
                 why = text
             _pause(attempt)
@@ -192,5 +196,8 @@ def _short(text: str) -> str:
     for pattern, words in _REASONS.items():
         if found := re.search(pattern, text, re.IGNORECASE):
             return found.expand(words)
-    line = next(iter(text.strip().splitlines()), "no reason given")
-    return " ".join("..." if "://" in word else word for word in line.split())[:160]
+    return _without_addresses(next(iter(text.strip().splitlines()), "no reason given"))[:160]
+
+
+def _without_addresses(text: str) -> str:
+    return " ".join("..." if "://" in word else word for word in text.split())

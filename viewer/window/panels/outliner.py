@@ -104,6 +104,8 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
     imgui.pop_font()
     if session.shown_scan.preview and session.loads.current is not None:
         small("Preview; all points follow.", style, theme.WARN)
+    if (reading := session.loads.reading).on:
+        small(reading.text, style, theme.WARN if reading.state.problem else theme.TEXT)
 
 
 def _motion(session: Session, number: int) -> str:

@@ -56,11 +56,15 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
         state = "moving"
     else:
         state = "exact" if session.screen.exact and not approximations else "at rest"
+    reading = session.loads.reading
     more_to_come = bool(approximations) and not session.screen.exact  # else they are what the settings ask for: no warning
     rough = ", approximate" if more_to_come and state != "refining…" else ""
     drawn, total = (0, 0) if cost is None else (cost.points_drawn, cost.facts.points_total)
     rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
+    if reading.on:
+        state, rough, text = reading.short or state, "" if reading.short else rough, f"{reading.text}\n{text}"
+        total, more_to_come = max(total, reading.state.points), more_to_come or bool(reading.state.problem)
     return [
         _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
                 "The measured point under the pointer, in the file's coordinates"),

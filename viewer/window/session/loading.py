@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
 from ..kit.worker import Worker
+from ..planning.remote_reading import RemoteReading, view_of
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -161,12 +163,18 @@ def _is_in(scene: "Scene", file: Path) -> bool:
     return is_grid(file) or any(str(path.absolute()) in scene.meta.sources for path in as_paths(file, fetch=False))
 
 
+def _part_of(paths: tuple[Path, ...], scene: "Scene") -> Loaded:
+    """A scene of what of a scan was read for the view."""
+    return Loaded(scene, survey(scene), paths, preview=True, follows_preview=True)
+
+
 class ScanLoads:
     """The load of scans under way, one at a time, and those given up that still clean up after themselves.
 
-    current: the load under way, else None.  missing: scans of a project that were not there, until somebody asks for them.
-    prepare: the scans to read of what is opened (of a project, its scans); raises
-    PointglassError.  moves: the transformations of the scans prepared.  open_scene, preview_scene, wake: replaceable in tests.
+    current: the load under way, else None.  reading: of a scan at an address of which only what is in view is read.
+    missing: scans of a project that were not there, until somebody asks for them.  prepare: the scans to read of what is opened
+    (of a project, its scans); raises PointglassError.  moves: the transformations of the scans prepared.  open_scene,
+    preview_scene, wake: replaceable in tests.
     """
 
     def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
@@ -177,6 +185,7 @@ class ScanLoads:
         self.prepare: Callable[[Sequence[Path], Recoverable | None], list[Path]] = lambda paths, _: list(paths)
         self.moves: Callable[[], Moves] = dict
         self.current: Worker | None = None
+        self.reading = RemoteReading(notices, wake)
         self.missing: MissingScans | None = None
         self._asked: tuple[Sequence[Path], Recoverable | None] = (), None
         self._preview: Loaded | None = None
@@ -184,13 +193,14 @@ class ScanLoads:
         self._abandoned: list[Worker] = []
 
     def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None,
-             moves: "Moves | None" = None, same_work: bool = False) -> None:
+             moves: "Moves | None" = None, same_work: bool = False, whole: bool = False) -> None:
         """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
 
         as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
         moves: transformations of the scans; None: those of what is opened.  same_work: as in Loaded.
+        whole: all points of the scan whose preview is shown, also where only what is in view was read of it.
         """
-        self.cancel()
+        self.cancel(forget=not whole)
         self._asked = paths, recovered
         try:
             given = self.prepare(paths, recovered)
@@ -204,10 +214,14 @@ class ScanLoads:
             self._notices.say("This project cannot be opened", error)
             return
 
-        def work() -> Loaded:
+        def work() -> "Loaded | Callable[[], None]":
             files = expanded(given)
-            shown = not same_work and self._first_pictures(
-                files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
+            octree = None if whole or same_work or moves else view_of(files)
+            shown = whole or (not same_work and self._first_pictures(
+                files, colours, lambda: self.current is worker[0] and not worker[0].cancelled, most=1 if octree else None))
+            if octree is not None and shown:
+                return partial(self.reading.begin, octree, partial(_part_of, tuple(files)),
+                               colours.get("match", self.reading.match))
             scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
             for file in opened:
                 ends_of(file)  # read and kept here: the window asks for it when the scene is shown, and a disk may be slow
@@ -225,9 +239,9 @@ class ScanLoads:
         paths, recovered = self._asked
         self.open(paths, recovered=recovered)
 
-    def _first_pictures(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
+    def _first_pictures(self, files: list[Path], colours: dict, wanted: Callable[[], bool], most: int | None) -> bool:
         """Makes the preview, or several, each finer, on the worker's thread.  Returns whether there is one.  Errors are left to
-        the complete load."""
+        the complete load.  most: previews; None: as many as there are."""
         detail = 0
         while True:
             try:
@@ -242,19 +256,20 @@ class ScanLoads:
             self._preview = Loaded(scene, survey(scene), tuple(files), preview=True, follows_preview=detail > 0)
             self._wake()
             self._shown.wait(_PREVIEW_SECONDS)  # the first picture does not share the processors with the complete load
-            if not any(map(address_in, files)):
-                return True
             detail += 1
+            if detail == most or not any(map(address_in, files)):
+                return True
 
     def preview_shown(self) -> None:
         """The preview is on the screen: the complete load goes on."""
         self._shown.set()
 
-    def cancel(self) -> None:
-        """Stops the load under way; the scene stays."""
+    def cancel(self, *, forget: bool = False) -> None:
+        """Stops the load under way, and pauses what is read for the view, or forgets it; the scene stays."""
         self._preview = None
         self._shown.set()
         self._shown = threading.Event()
+        (self.reading.forget if forget else self.reading.pause)()
         if self.current is not None:
             self.current.cancel()
             self._abandoned.append(self.current)
@@ -264,15 +279,21 @@ class ScanLoads:
         """A scene that has been loaded since the last call, or None.  An error becomes a dialog."""
         self._abandoned = [work for work in self._abandoned if not work.finished]
         if self.current is None:
-            return None
+            return self.reading.take()
         if not self.current.finished:
             preview, self._preview = self._preview, None
             return preview
         work, self.current = self.current, None
-        self._preview = None
+        preview, self._preview = self._preview, None
         if work.error is not None:
             self._notices.say("This scan cannot be opened", work.error)
+            self.reading.resume()
         loaded = work.result if not work.cancelled else None
+        if callable(loaded):
+            loaded()
+            return preview
+        if loaded is not None:
+            self.reading.forget()
         if loaded is not None and loaded.problems:
             number = len(loaded.problems)
             self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", *loaded.problems)

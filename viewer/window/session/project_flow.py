@@ -212,7 +212,7 @@ class ProjectFlow:
     def remember(self, picture: np.ndarray | None) -> None:
         """Puts what is open among the recent scans: the project, or the scans.  picture: as for session.recent."""
         session, shown, project = self._session, self._session.shown_scan, self._session.work.project
-        if session.scene is not None and shown.paths and not shown.preview:
+        if session.scene is not None and shown.paths and (not shown.preview or session.loads.reading.on):
             paths = list(shown.paths) if project is None else [project]
             remember(paths, self.name, session.scene.count, picture, session.work.as_saved(session.camera, *self._shown).view)
 

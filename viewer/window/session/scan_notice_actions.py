@@ -17,7 +17,7 @@ def act_on_notice(session: "Session", offer: Offer) -> None:
         case KeepAsScanned():
             session.loads.open(session.shown_scan.paths, as_scanned=True, moves=moves_of(session.document.scans))
         case LoadAllPoints():
-            session.loads.open(session.shown_scan.paths, moves=moves_of(session.document.scans))
+            session.loads.open(session.shown_scan.paths, moves=moves_of(session.document.scans), whole=True)
         case Brighten() if (exposure := session.shown_scan.exposure) is not None:
             session.work.edit("Brighten the dark scan", look=replace(session.document.look, exposure=exposure))
         case OpenProject(file):

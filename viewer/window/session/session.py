@@ -254,6 +254,7 @@ class Session:
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
         self.view_settings.poll()
+        self.loads.reading.look(self.camera, moving=self.flight.moving)
         variant, self._variant = self._variant, None
         if variant is not None and self.loads.current is None:
             return self.shown_scan.variant(variant)
@@ -287,7 +288,7 @@ class Session:
 
     def close_scene(self) -> None:
         """Back to the start page.  The viewport must release its renderer before."""
-        self.loads.cancel()
+        self.loads.cancel(forget=True)
         self.work.leave()
         self.shown_scan.end()
         self.work.under_pointer = None
@@ -299,9 +300,8 @@ class Session:
         """Gives the load under way up and says so; the scene stays, and so does a preview."""
         self.loads.cancel()
         self.notices.toast("Loading cancelled")
-        if self.shown_scan.preview:
-            text = f"This is a preview of {counted(self.scene.count, 'point')}." if self.scene is not None else ""
-            self.notices.of_scan = [ScanNotice(text, LoadAllPoints())]
+        if not self.loads.reading.resume() and self.shown_scan.preview and self.scene is not None:
+            self.notices.of_scan = [ScanNotice(f"This is a preview of {counted(self.scene.count, 'point')}.", LoadAllPoints())]
 
     def close(self) -> None:
         """Stops workers, and waits until what they were writing is gone."""

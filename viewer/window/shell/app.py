@@ -81,6 +81,7 @@ class App:
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
+        self.session.loads.reading.match = match
         self.files = FileDialogs(self._wake_loop, self._scan_folder)
         self.choice_window = ChoiceWindow()
         self.chosen_button = ChosenButton()  # of the message

@@ -1,0 +1,135 @@
+"""A scan at an address of which only what a camera looks at is read: its share, its pictures, and faults of the network."""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pointglass import look_at
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.readers.remote.address import address_in
+from pointglass.viewer.readers.remote.octree_view import octree_view
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.stream import view_reader
+from pointglass.viewer.stream.view_reader import ViewReader
+
+sys.path += [str(Path(__file__).resolve().parents[1] / "unit" / part) for part in ("", "readers")]
+from copc_files import write_copc
+from format_files import Points, write_potree1
+from range_server import served
+
+SIZE = (240, 180)
+SIDE = 7.9
+"""Of the site, file units."""
+HERE = look_at((0.4, 0.7, 0.9), (3, 0.1, 0.2), fov=40, size=SIZE)
+THERE = look_at((7.5, 7.2, 0.9), (5, 7.8, 0.2), fov=40, size=SIZE)
+
+
+def site(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a square with walls; colours follow the place."""
+    random = np.random.default_rng(4)
+    xyz = random.uniform(0, SIDE, (count, 3))
+    wall, line = random.random(count) < 0.5, random.integers(0, 6, count)
+    xyz[:, 2] = np.where(wall, random.uniform(0, 1.5, count), 0.05 + 0.05 * np.sin(xyz[:, 0]))
+    xyz[wall, 1] = (SIDE * line / 5)[wall]
+    rgb = np.stack([np.sin(xyz @ along) * 20000 + 32000 for along in ((1, 0, 3), (0, 1, 2), (2, 2, 2))], axis=1)
+    return np.round(xyz * 4096) / 4096, rgb.astype(np.uint16)
+
+
+def octree_at(text: str):
+    address = address_in(text)
+    assert address is not None
+    octree = octree_view(address, 0)
+    assert octree is not None
+    return octree
+
+
+def scene_for(reader: ViewReader, camera, last=None):
+    """The scene in which all that a camera looks at is there."""
+    reader.look(camera)
+    while reader.state.complete is None or reader.state.complete.key != camera.key:
+        assert not reader.state.ended, reader.state.problem
+        last = reader.take() or last
+        time.sleep(0.01)
+    return reader.take() or last
+
+
+def difference(context, one, other, camera) -> float:
+    """Mean difference of filled pictures, levels."""
+    pictures = []
+    for scene in (one, other):
+        renderer = Renderer(context, scene)
+        pictures.append(renderer.render(camera, Settings(view="filled")).image("filled").astype(float))
+        renderer.release()
+    assert np.ptp(pictures[1][..., :3]) > 100, "the camera sees something"
+    return float(np.abs(pictures[0] - pictures[1]).mean())
+
+
+@pytest.mark.parametrize("kind", ["copc", "potree"])
+def test_what_is_looked_at_is_read_and_its_picture_is_that_of_the_whole_file(context, tmp_path, monkeypatch, kind):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    xyz, rgb = site(160_000)
+    if kind == "copc":
+        path, name = write_copc(tmp_path / "site.copc.laz", xyz, rgb), "site.copc.laz"
+        files = {name: path.read_bytes()}
+    else:
+        grey = np.zeros(len(xyz), np.uint16)
+        points = Points(xyz, (rgb >> 8).astype(np.uint8), grey, grey.astype(np.uint8))
+        path, name = write_potree1(tmp_path / "site", points), "site"
+        files = {f"site/{file.relative_to(path)}": file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    whole, size = open_scene(path, cache=False), sum(map(len, files.values()))
+    with served(files) as server:
+        octree = octree_at(f"{server.address}/{name}")
+        reader = ViewReader(octree, lambda scene: scene)
+        scene = scene_for(reader, HERE)
+        before = server.sent
+        assert before < 0.6 * size
+        assert scene.count < 0.9 * whole.count
+        assert difference(context, scene, whole, HERE) < 1
+        scene = scene_for(reader, THERE, scene)
+        assert server.sent > before + 0.1 * size * (kind == "copc"), "the other end was read"
+        assert difference(context, scene, whole, THERE) < 1
+        reader.close()
+        assert reader.join(20)
+
+
+def test_a_lost_network_is_told_and_tried_again_and_a_changed_file_is_read_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(view_reader, "_PAUSES_S", (0.1,))
+    monkeypatch.setattr("pointglass.viewer.readers.remote.remote_object._FIRST_PAUSE", 0.01)
+    xyz, rgb = site(60_000)
+    data = write_copc(tmp_path / "site.copc.laz", xyz, rgb).read_bytes()
+    other = write_copc(tmp_path / "other.copc.laz", xyz[:50_000], rgb[:50_000]).read_bytes()
+    with served({"site.copc.laz": data}) as server:
+        octree = octree_at(f"{server.address}/site.copc.laz")
+        server.cuts, server.refuse["site.copc.laz"] = 2, 503
+        reader = ViewReader(octree, lambda scene: scene)
+        reader.look(HERE)
+        while not reader.state.problem:
+            time.sleep(0.01)
+        assert "trying again" in reader.state.problem and not reader.state.ended
+        del server.refuse["site.copc.laz"]
+        first = scene_for(reader, HERE)
+        assert not reader.state.problem and reader.state.points == 60_000
+        server.files["site.copc.laz"] = other
+        second = scene_for(reader, THERE)
+        assert reader.state.points == 50_000 and second is not first
+        reader.close()
+        assert reader.join(20)
+
+
+def test_the_copy_keeps_to_the_limit_of_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("POINTGLASS_REMOTE_GB", "0.0008")
+    xyz, rgb = site(100_000)
+    data = write_copc(tmp_path / "site.copc.laz", xyz, rgb).read_bytes()
+    with served({"site.copc.laz": data}) as server:
+        octree = octree_at(f"{server.address}/site.copc.laz")
+        for numbers in np.array_split(np.arange(len(octree.nodes.levels)), 8):
+            octree.fetch(numbers)
+            assert len(octree.chunk(numbers).xyz) == octree.nodes.points[numbers].sum()
+            held = sum(file.stat().st_blocks * 512 for file in (tmp_path / "cache" / "remote").rglob("*"))
+            assert held < 0.9e6 < len(data)
