@@ -222,6 +222,7 @@ def write_potree2(folder: Path, points: Points, *, encoding: str = "DEFAULT", st
     (folder / "metadata.json").write_text(json.dumps({
         "version": "2.0", "name": "made", "points": len(points.xyz), "projection": "", "encoding": encoding,
         "hierarchy": {"firstChunkSize": starts["r"][1], "stepSize": step, "depth": 3},
+        "boundingBox": {"min": low.tolist(), "max": (low + 8.0).tolist()},
         "offset": (low + right).tolist(), "scale": [scale] * 3,
         "attributes": [{"name": n, "type": kind, "numElements": count} for n, kind, count in attributes],
     }))  # fmt: skip

@@ -8,16 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from copc_files import write_copc
 from format_files import some, write_ept, write_potree1, write_potree2
 from range_server import served
 
 from pointglass.viewer.cli import main
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
-from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.readers.formats import entry_of, open_source
 from pointglass.viewer.readers.remote.address import address_in
 from pointglass.viewer.readers.remote.copy_folders import home
 from pointglass.viewer.readers.remote.fetch import coarse, fetched
+from pointglass.viewer.readers.remote.octree_view import octree_view
 
 MAKERS = {
     "potree 1.4": lambda folder: write_potree1(folder, some(3000), version="1.4"),
@@ -84,6 +86,33 @@ def test_the_upper_levels_come_alone_and_are_an_octree(tmp_path, kind, monkeypat
         assert server.sent < 0.8 * held if kind != "potree 2" else True, "blocks of octree.bin are larger than this octree"
         path = fetched(address)
         assert open_scene(path, cache=False).count == 3000
+
+
+@pytest.mark.parametrize("kind", ["potree 1.8", "potree 2", "potree 2 brotli", "ept", "ept gzip", "copc"])
+def test_nodes_read_one_by_one_lie_in_their_cubes_and_are_the_scan(tmp_path, kind):
+    if kind == "copc":
+        points = some(9000)
+        folder = write_copc(tmp_path / "house.copc.laz", points.xyz, points.rgb.astype(np.uint16) * 257, leaf=500)
+        files = {f"a b/{folder.name}": folder.read_bytes()}
+    else:
+        files = files_of(folder := MAKERS[kind](tmp_path / "house"))
+    whole = [*open_source(entry_of(folder)).chunks()]
+    with served(files) as server:
+        octree = octree_view(address_in(f"{server.address}/a%20b/{folder.name}"), 0)
+        nodes, found = octree.nodes, []
+        for node in range(len(nodes.levels)):
+            octree.fetch(np.array([node]))
+            found.append(octree.chunk(np.array([node])))
+            xyz, high = found[-1].xyz, nodes.low[node] + nodes.sides[node]
+            assert len(xyz) == nodes.points[node]
+            assert (xyz >= nodes.low[node] - 2e-3).all() and (xyz <= high + 2e-3).all()
+    assert nodes.levels[nodes.leaves].min() > 0 or len(nodes.levels) == 1
+
+    def rows(parts):
+        both = [np.column_stack([part.xyz, part.rgb, part.intensity]) for part in parts]
+        return np.unique(np.concatenate(both), axis=0, return_counts=True)
+
+    assert all(np.array_equal(one, other) for one, other in zip(rows(found), rows(whole), strict=True))
 
 
 @pytest.mark.parametrize("kind", ["potree 1.8", "ept gzip", "potree 2"])
