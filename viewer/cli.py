@@ -44,6 +44,10 @@ def _view(options: argparse.Namespace) -> int:
         scans_and_meshes(options.scans)  # meshes alone likewise
     if options.scans:
         _preload()
+    if len(options.scans) == 1 and is_address(options.scans[0]):
+        from .readers.remote.fetch import fetch_ahead
+
+        fetch_ahead(options.scans[0])
     from .window.shell.run_window import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",

@@ -24,6 +24,8 @@ _HEAD = 4 * BLOCK
 _LIMIT_GB = 50.0
 _RECENT_S = 3600.0
 """Copies used in the last hour stay: another process may read them."""
+_SILENT_S = 1.5
+"""Seconds for which another holder of a copy is waited for without a word: another thread that fetches a part."""
 Copy = TypeVar("Copy")
 Result = TypeVar("Result")
 
@@ -66,8 +68,11 @@ def alone(address: Address) -> Iterator[None]:
 
 
 def _lock_of(folder: Path, name: str) -> int:
-    with contextlib.suppress(BlockingIOError):
-        return lock_file(folder / "lock")
+    end = time.monotonic() + _SILENT_S
+    while time.monotonic() < end:
+        with contextlib.suppress(BlockingIOError):
+            return lock_file(folder / "lock")
+        time.sleep(0.01)
     with progress(0, f"waiting for another pointglass that reads {name}") as meter:
         while True:
             with contextlib.suppress(BlockingIOError):

@@ -4,17 +4,19 @@ A copy is compared with the server each time it is used, by length and tag; wher
 used, and that is said.
 """
 
+import contextlib
 import logging
 import struct
+import threading
 from pathlib import Path
 
 from ..las.copc_nodes import read_nodes
-from .address import Address
+from .address import Address, address_in
 from .copy_folders import folder_of, use
 from .local_copy import LocalCopy, read_state
 from .octree_fetch import complete_octree, fetched_octree, local_octree, octree_at, upper_octree_levels
 from .remote_object import UnreachableError
-from .upper_levels import UpperLevels, whole_levels
+from .upper_levels import FIRST_POINTS, UpperLevels, whole_levels
 
 _MOST_DESCRIBED = 64 << 20
 """Bytes behind the points (hierarchy, chunk table, waveforms) that are read to describe a file."""
@@ -64,6 +66,19 @@ def coarse(address: Address, points: int, before: int = 0) -> UpperLevels | None
         return UpperLevels(copy.path, held, finer)
 
     return use(address, _opened(address), read)
+
+
+def fetch_ahead(path: Path) -> None:
+    """Fetches on another thread what the first picture of a scan at an address needs, while a window opens.  Errors come again,
+    and are reported, where it is used."""
+    address = address_in(path)
+
+    def work() -> None:
+        with contextlib.suppress(Exception):
+            if address is not None:
+                coarse(address, FIRST_POINTS)
+
+    threading.Thread(target=work, name="pointglass fetch ahead", daemon=True).start()
 
 
 def described(address: Address) -> tuple[Path, float] | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...common.errors import Cancelled, InputError, PointglassError
 from ...preprocess.scan_description import ScanDescription, WarningTopic
 from ...readers.remote.address import address_in
+from ...readers.remote.upper_levels import FIRST_POINTS
 from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from .recovery import Recoverable
 
 
-_FINER = (200_000, 800_000, 3_200_000)
+_FINER = (FIRST_POINTS, 4 * FIRST_POINTS, 16 * FIRST_POINTS)
 """Points of the pictures of a scan at an address, one after another while the rest is read, at most.  Whole levels of an octree
 are shown, of which each has about four times the points of the one above: the first picture has 50,000 to 200,000 points, in
 place of the 400,000 of a file's preview (viewer.grid.preview), since a slow line is waited for."""
