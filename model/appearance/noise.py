@@ -31,6 +31,8 @@ BOX_POINTS = 144
 tree."""
 BUDGET = 250_000
 """Points sampled, in some 2,000 neighbourhoods; chosen so that building plant_room.laz takes at most 5 % longer."""
+_LEVELS = 6
+"""The longest side of the bounds has 2**_LEVELS cells of the lattice at most, or one more."""
 _MAX_IN_BOX = 512
 """Most points of one group in a neighbourhood; more (several surfaces, coinciding points) are cut off.  Half changes the
 noise of four real scans by at most 4 %, twice changes nothing."""
@@ -77,40 +79,51 @@ def estimate_noise(xyz: np.ndarray, rgb: np.ndarray, group: np.ndarray | None = 
 class Sampler:
     """Chooses random neighbourhoods from the distribution of the points, then selects their points.
 
-    places: (M, 3) float64, finite positions.  counts: (M,) number of points that each position represents.
+    places: (M, 3) float64, finite positions.  counts: (M,) number of points that each position represents.  apart: the
+    positions are the centres of a grid's cells of this size, at multiples of it; 0: they are points.
 
     A lattice over the robust bounds is so coarse that its cells hold several neighbourhoods.  Each cell is divided into boxes
     of about BOX_POINTS points of a surface, and boxes are drawn at random until they hold about ``budget`` points.
     """
 
-    def __init__(self, places: np.ndarray, counts: np.ndarray, seed: int = 0, budget: int = BUDGET):
+    def __init__(self, places: np.ndarray, counts: np.ndarray, seed: int = 0, budget: int = BUDGET, apart: float = 0.0):
         self.low, self.high = _robust_bounds(places, counts)
         self._salt = np.uint64(seed * 0x9E3779B97F4A7C15 % 2**64)
         extent = float((self.high - self.low).max())
-        held = np.zeros((1, 1, 1))
-        for level in range(6, -1, -1):
-            self.cell = extent / 2**level
-            shape = np.maximum(np.ceil((self.high - self.low) / self.cell - 1e-9), 1).astype(int)
-            steps = np.floor((places - self.low) / self.cell).astype(int)
-            inside = ((steps >= 0) & (steps < shape)).all(axis=1)
-            held = np.zeros(shape)
-            np.add.at(held, tuple(steps[inside].T), counts[inside])
-            occupied = np.sort(held[held > 0])
-            if occupied.size and np.average(occupied, weights=occupied) >= 4 * BOX_POINTS:
-                break
+        self.corner, self.cell = self.low, extent / 2**_LEVELS
+        held = self._widened(places, counts, extent)
+        if apart > 2 * self.cell:  # whole walls would lie in cells without a position: make them whole cells of the grid
+            self.cell = apart * 2.0 ** max(0.0, np.ceil(np.log2(extent / 2**_LEVELS / apart)))
+            held = self._widened(places, counts, extent, aligned=True)
         self._sides = np.where(held > 0, np.maximum(np.rint(np.sqrt(held / BOX_POINTS)), 1), 0).astype(np.int32)
         share = min(1.0, budget / max(float(held.sum()), 1.0))
         self._limit = min(int(share * 2.0**64), 2**64 - 1)
         self.most = 2 * budget
         """Number of selected points at which a caller should halve the boxes with :meth:`fewer`."""
 
+    def _widened(self, places: np.ndarray, counts: np.ndarray, extent: float, aligned: bool = False) -> np.ndarray:
+        """Doubles ``cell`` until cells hold several neighbourhoods.  aligned: they begin at multiples of their size.  Returns
+        the points of each, (X, Y, Z)."""
+        while True:
+            if aligned:
+                self.corner = np.floor(self.low / self.cell) * self.cell
+            shape = np.maximum(np.ceil((self.high - self.corner) / self.cell - 1e-9), 1).astype(int)
+            steps = np.floor((places - self.corner) / self.cell).astype(int)
+            inside = ((steps >= 0) & (steps < shape)).all(axis=1)
+            held = np.zeros(shape)
+            np.add.at(held, tuple(steps[inside].T), counts[inside])
+            occupied = np.sort(held[held > 0])
+            if (occupied.size and np.average(occupied, weights=occupied) >= 4 * BOX_POINTS) or self.cell >= extent:
+                return held
+            self.cell *= 2
+
     def pick(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (n,) of the points of xyz (N, 3) float64 that lie in sampled boxes, and the boxes' identifiers (n,) uint64."""
         from .noise_kernels import pick_points
 
         rows, boxes = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.uint64)
-        used = pick_points(np.ascontiguousarray(xyz), self.low, 1 / self.cell, self._sides, self._salt, np.uint64(self._limit),
-                           rows, boxes)  # fmt: skip
+        lattice = self.corner, 1 / self.cell, self._sides
+        used = pick_points(np.ascontiguousarray(xyz), *lattice, self._salt, np.uint64(self._limit), rows, boxes)
         return rows[:used].copy(), boxes[:used].copy()
 
     def fewer(self) -> int:

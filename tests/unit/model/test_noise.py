@@ -9,6 +9,7 @@ from pointglass.model.appearance import noise as module
 from pointglass.model.appearance import noise_model
 from pointglass.model.appearance.noise import KNOTS, LUMA, MAX_VOXELS, NoiseModel, estimate_noise
 from pointglass.model.appearance.noise_kernels import FAR, NEAR, STRIDE, residuals
+from pointglass.viewer.bench.cases.grid import random_surface
 from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.building.noise_sample import runs
 from pointglass.viewer.grid.open_scene import scene_from_arrays
@@ -75,6 +76,14 @@ def test_known_noise_is_found_on_textured_walls(count, sigma):
     least = 0.75 if count > 100_000 else 0.4  # with sparse points the estimate is lower
     assert least * sigma < found.overall < 1.1 * sigma + 0.002
     assert found.neighbourhoods > 100
+
+
+def test_known_noise_is_found_where_walls_lie_on_faces_of_the_grids_cells():
+    """The grid's cells are coarse here: none has its middle near a wall, and the estimate once was 0."""
+    xyz, _ = random_surface(1_000_000)
+    noise = scene_from_arrays(xyz, spoiled(textured(xyz), 0.05)).noise
+    assert noise is not None and noise.neighbourhoods > 300
+    assert noise.overall == pytest.approx(0.05, rel=0.3)
 
 
 def test_clean_texture_is_not_noise():

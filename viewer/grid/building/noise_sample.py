@@ -42,7 +42,8 @@ class NoiseSample:
         """Forgets all chunks: the pass begins again."""
         counted = self._counts
         places = (counted.cells + counted.base + 0.5) * counted.cell_size
-        self._sampler = Sampler(places, counted.counts.sum(axis=1).astype(np.float64), self._seed)
+        held = counted.counts.sum(axis=1).astype(np.float64)
+        self._sampler = Sampler(places, held, self._seed, apart=counted.cell_size)
         self._parts: list[_Part] = []
         self._coming: Future[_Part] | None = None
         self._limit: np.uint64 | None = None
