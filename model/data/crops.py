@@ -3,6 +3,7 @@
 A batch depends only on (seed, step, process), so that a resumed training is identical to an uninterrupted one.
 """
 
+import json
 import signal
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -57,11 +58,21 @@ class PairFolder:
         self.neighbours = self._array("neighbours", MEASURED_CHANNELS, np.float16) if has_neighbours else None
         self.flow = self._array("flow", 2, np.float16) if self.neighbours is not None else None
         self.noise = self._array("noise", 1, np.float16) if (folder / "noise.npy").is_file() else None
+        self.overall = 0.0 if self.noise is None else self._overall()
         for name in ("truth", "neighbours", "flow", "noise"):
             array = getattr(self, name)
             if array is not None and (len(array), *array.shape[2:]) != (len(self.measured), *self.measured.shape[2:]):
                 raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match measured.npy {self.measured.shape}",
                                 remedy="make the pairs again")
+
+    def _overall(self) -> float:
+        """Noise of the scan as a whole, by which its sparse points are averaged (model/reference/pull_push.py); 0 where the
+        pairs do not say."""
+        path = self.folder / "pairs.json"
+        try:
+            return float(json.loads(path.read_text()).get("overall", 0.0)) if path.is_file() else 0.0
+        except (OSError, ValueError, TypeError, AttributeError) as error:
+            raise DataError(f"the scan's noise cannot be read ({error})", file=path, remedy="make the pairs again") from None
 
     def __reduce__(self):
         return PairFolder, (self.folder,)  # pickles the path, not the pixels
@@ -136,7 +147,7 @@ class Crops:
         if folder.noise is not None:
             sigma = np.hypot(sigma, folder.noise[window][0].astype(np.float32))
         noise = torch.from_numpy(sigma)
-        x = filled_input(torch.from_numpy(x), noise).numpy()[inner]
+        x = filled_input(torch.from_numpy(x), noise, folder.overall).numpy()[inner]
         near = filled_input(torch.from_numpy(near), noise).numpy()[inner] if beside else near[inner]
         y, flow = y[inner], flow[inner]
 

@@ -11,7 +11,7 @@ when a crop is drawn (:mod:`model.data.crops`) and are therefore not fixed in th
 - ``flow.npy`` (P, 2, H, W) float16, with neighbours only: optical flow from each true pixel to that picture, pixels, NaN where
   the pixel is not visible there, or where the input lacks points that the neighbour has.
 - ``noise.npy`` (P, 1, H, W) float16, where points keep their own noise, as in tuning: its standard deviation at each pixel.
-- ``pairs.json``: the origin of each pair.
+- ``pairs.json``: the origin of each pair; ``overall``, where points keep their own noise: that of the scan.
 
 Colours are of two kinds.  *Scanned*: as the stations recorded them, with exposures and gloss that differ from the truth by 16
 to 29 dB even without noise.  *Diffuse*: points in front have the truth's colours, so that pairs without noise really have
@@ -307,6 +307,8 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         for array in arrays.values():
             array.flush()  # type: ignore[attr-defined]  # they are memory maps
         facts = {"preset": preset, "seed": seed, "reduce": reduce, "pairs": table}
+        if noise is not None:
+            facts["overall"] = noise.overall
         (partial / "pairs.json").write_text(json.dumps(facts))
         partial.rename(out)
     return count

@@ -49,6 +49,23 @@ def test_flow_leads_to_the_same_surface_in_rotated_and_mirrored_crops(tmp_path):
         assert gap.max() < 0.01 < (batch.neighbour - batch.x).abs().max()
 
 
+def test_crops_of_a_noisy_scan_are_averaged_where_they_are_sparse_as_its_pictures_are(tmp_path):
+    rng = np.random.default_rng(4)
+    measured = rng.random((1, 6, 96, 96)).astype(np.float16)
+    measured[:, 3], measured[:, 5] = rng.random((96, 96)) < 0.01, 1.0
+    np.save(tmp_path / "measured.npy", measured * (measured[:, 3:4] > 0))
+    np.save(tmp_path / "truth.npy", np.zeros((1, 5, 96, 96), np.uint8))
+    np.save(tmp_path / "noise.npy", np.full((1, 1, 96, 96), 0.07, np.float16))
+    weights = []
+    for overall in (0.03, 0.07):
+        (tmp_path / "pairs.json").write_text(f'{{"overall": {overall}}}')
+        weights.append(Crops([tmp_path], 64, 1, recolour=False).batch(0, 8).x[:, 3])
+    (tmp_path / "pairs.json").write_text("[]")
+    with pytest.raises(DataError, match=r"noise cannot be read.*pairs\.json|pairs\.json.*noise cannot be read"):
+        Crops([tmp_path], 64, 1)
+    assert weights[0].max() == 1.0 and 0 < weights[1].max() < 0.8 and torch.equal(weights[0] > 0, weights[1] > 0)
+
+
 def test_invalid_pairs_are_refused_by_name(pairs, tmp_path):
     with pytest.raises(DataError, match=r"measured\.npy.*cannot be read"):
         Crops([tmp_path], 32, 1)

@@ -126,7 +126,9 @@ class WithheldPoints:
         folder.mkdir()
         for array, pictures in found.items():
             np.save(folder / f"{array}.npy", np.stack(pictures))
-        (folder / "pairs.json").write_text(json.dumps({"preset": "auto", "seed": seed, "reduce": 1, "pairs": table}))
+        overall = 0.0 if self.noise is None else self.noise.overall
+        facts = {"preset": "auto", "seed": seed, "reduce": 1, "overall": overall, "pairs": table}
+        (folder / "pairs.json").write_text(json.dumps(facts))
         return [(folder, len(self.views))]
 
 
