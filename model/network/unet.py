@@ -106,7 +106,7 @@ def _grown(skip: Tensor, coarse: Tensor) -> Tensor:
     repeated."""
     if not torch.is_inference_mode_enabled():
         return F.interpolate(coarse, scale_factor=2, mode="nearest").add_(skip).relu_()
-    batch, channels, height, width = skip.shape
+    height, width = skip.shape[2:]
     four = skip.unflatten(3, (width // 2, 2)).unflatten(2, (height // 2, 2))
     four.add_(coarse[:, :, :, None, :, None]).relu_()
     return skip
