@@ -6,6 +6,7 @@ The window that is looked at doubles until the piece ends inside it.  A point be
 Frame: relative to the click, axes of the file, file units.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,8 +38,12 @@ _BALLS = (8.0, 14.0, 25.0, 45.0, 80.0)
 _CELL = 3.0
 """Side of a cell that joins points, in spacings of those looked at: random points leave 1 in e^9 such cells empty."""
 SETTLED = 0.01
-"""Change of the piece's area from one round to the next at which it is taken to be found."""
+"""Change of the piece's area from one round to the next at which it is taken to be found; and from the
+last but one, where two pieces alternate."""
 _ROUNDS = 20
+_SAME, _COMPARED = 0.5, 200
+"""Distance between two surfaces, in the noise, up to which a start is dropped that leads to what another has found: of a clear
+pipe, all five do.  At so many points of each piece, about.  With a fifth and twice as much the same pipes are found."""
 _FACING = np.cos(np.radians(35.0))
 _START_POINTS, _FACING_POINTS = 1500, 3000
 _FLAT = "nothing round here: the surface is flat, or too few points show its bend"
@@ -90,11 +95,13 @@ def grown_cylinder(in_box: InBox, spacing: float, floor: float, longest: float |
     around = _around(in_box, spacing, floor)
     rng = np.random.default_rng(0)  # the same click gives the same pipe
     best: tuple[float, Grown] | None = None
+    known: list[Grown] = []
     for start, half in _starts(in_box, around, rng):
         try:
-            made = _grow(in_box, start.cylinder, around, half, longest)
+            made = _grow(in_box, start.cylinder, around, half, longest, known)
         except (ValueError, NoFit):
-            continue  # this start leads nowhere; where all do, the message below says so
+            continue  # this start leads nowhere new; where all do, the message below says so
+        known.append(made)
         if made.fit.sigma > loosest * around.noise:
             continue
         worth = len(made.points) / made.points.share * (around.noise / made.fit.sigma) ** 3 / made.fit.structure
@@ -166,11 +173,12 @@ def _starts(in_box: InBox, around: _Around, rng: np.random.Generator):
             yield start, half
 
 
-def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest: float | None = None) -> Grown:
+def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest: float | None = None,
+          known: Sequence[Grown] = ()) -> Grown:
     """The piece around the click that lies on a surface near ``surface``.  half: of the first window.
-    Raises NoFit, ValueError."""
+    Raises NoFit, of a piece that is one of ``known``, too; ValueError."""
     sigma, most = around.noise, CREEP * around.noise
-    before, points, cell = 0.0, around.points, _CELL * around.spacing
+    areas, points, cell = [0.0, 0.0], around.points, _CELL * around.spacing
     for _ in range(_ROUNDS):
         tolerance = WITHIN * sigma
         points, at, border = _window(in_box, surface, half, tolerance)
@@ -186,13 +194,24 @@ def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest
         sigma = float(np.clip(scatter, 0.5 * around.noise, most))
         if abs(surface.distances(np.zeros((1, 3)))[0]) > 2 * WITHIN * around.noise:
             raise NoFit("the surface found leads away from the click")
+        if any(_same(surface, points, one, around.noise) for one in known):
+            raise NoFit("another start has found this surface")
         limit = longest * surface.radius if longest is not None and isinstance(surface, Cylinder) else np.inf
         if any(piece.open_ends) and half <= limit:
             half *= 2.0
-        elif abs(piece.area - before) <= SETTLED * piece.area:
+        elif min(abs(piece.area - area) for area in areas) <= SETTLED * piece.area:
             break
-        before = piece.area
+        areas = [areas[1], piece.area]
     return _facing(in_box, surface, points, cell, half, around, sigma)
+
+
+def _same(surface: Surface, points: Points, other: Grown, noise: float) -> bool:
+    """Whether a surface and that of another piece are one, on the points of both pieces."""
+    for xyz in (points.xyz, other.points.xyz):
+        some = xyz[:: max(len(xyz) // _COMPARED, 1)]
+        if np.abs(surface.distances(some) - other.fit.surface.distances(some)).max() > _SAME * noise:
+            return False
+    return True
 
 
 def _facing(in_box: InBox, surface: Surface, points: Points, cell: float, half: float, around: _Around, sigma: float) -> Grown:

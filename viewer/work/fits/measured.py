@@ -1,7 +1,8 @@
 """The measured points that a fit looks at: those of a scene in an oriented box, no more than are needed.
 
 A fit gains little beyond some tens of thousands of points.  Where a box holds more, only the coarser density layers are read,
-which are an even choice of all points (viewer.grid.density_layers), and of these every so many.
+which are an even choice of all points (viewer.grid.density_layers), of the last of them every so many, and of what is found
+every so many.
 Frame: relative to the place that was clicked, in file units, axes of the file, float64.
 """
 
@@ -19,8 +20,12 @@ MOST = 15_000
 """Points of a box that are looked at, about.  With half and twice as many the diameters of tests/unit/work/test_fits.py lie
 within what is stated.  The spread of a diameter falls with the root of their number only where noise has no structure, which
 real surfaces have."""
+AT_ONCE = 100_000
+"""Points of the cells that meet a box, up to which all are looked at: 2 ms.  Of more, so many tell how many are needed."""
+_SURE = 1.5
+"""How many points are looked for, in those that are needed: the share of AT_ONCE in a small box is unsure."""
 LOOKED = 4_000_000
-"""Points of the cells that meet a box, up to which all density layers are read: 96 MB of coordinates."""
+"""Points of the cells that meet a box that are looked at, at most: 96 MB of coordinates, where all lie in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +69,29 @@ def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most
     coords, offsets = np.asarray(scene.cell_coords), np.asarray(scene.offsets)
     size, at = scene.cell_size, np.asarray(place, np.float64) - scene.origin
 
+    def read(rows: np.ndarray, counts: np.ndarray, wanted: float, *box: np.ndarray):
+        """Numbers and places of the points of a box, of about ``wanted`` points of the cells ``rows``, and how many were looked
+        at.  counts: points of all layers up to each."""
+        layer = min(int(np.searchsorted(counts, wanted)), len(counts) - 1)
+        before = int(counts[layer - 1]) if layer else 0
+        every = max(int((counts[layer] - before) / max(wanted - before, 1)), 1)
+        cells = gathered(scene, rows, layer + 1)
+        index, xyz = pick_kernels.points_in_box(cells.points, cells.coords, cells.offsets, layer + 1, every, cells.rows, size,
+                                                *box)
+        return cells.numbers(index), xyz, before + (counts[layer] - before) / every
+
     def in_box(centre: np.ndarray, axes: np.ndarray, half: np.ndarray) -> Points:
-        reach = np.abs(axes).T @ half
+        reach, axes, half = np.abs(axes).T @ half, np.ascontiguousarray(axes), np.asarray(half, np.float64)
         low, high = (np.floor((at + centre + sign * reach) / size).astype(np.int64) for sign in (-1, 1))
         rows = pick_kernels.cells_in_box(coords, low, high)
+        middles = (coords[rows] + 0.5) * size - (at + centre)
+        rows = rows[(np.abs(middles @ axes.T) <= half + size / 2 * np.abs(axes).sum(axis=1)).all(axis=1)]
         counts = np.cumsum(pick_kernels.points_by_layer(offsets, scene.layers, len(coords), rows))
-        layers = max(int((counts <= LOOKED).sum()), 1)
-        cells = gathered(scene, rows, layers)
-        index, xyz = pick_kernels.points_in_box(cells.points, cells.coords, cells.offsets, layers, cells.rows, size,
-                                                at + centre, np.ascontiguousarray(axes), np.asarray(half, np.float64))
-        index = cells.numbers(index)
-        looked = counts[layers - 1] / max(counts[-1], 1)
+        box = at + centre, axes, half
+        index, xyz, seen = read(rows, counts, AT_ONCE, *box)
+        if seen < counts[-1] and len(index) < most:
+            index, xyz, seen = read(rows, counts, min(_SURE * most / max(len(index), 1) * seen, LOOKED), *box)
+        looked = seen / max(counts[-1], 1)
         if len(index) > most:
             step = len(index) / most
             chosen = (np.arange(most) * step).astype(np.int64)

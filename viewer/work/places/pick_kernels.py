@@ -103,10 +103,11 @@ def points_by_layer(offsets, layers, cells, rows):
 
 
 @compiled(nogil=True)
-def points_in_box(points, coords, offsets, layers, rows, size, place, axes, half):
+def points_in_box(points, coords, offsets, layers, every, rows, size, place, axes, half):
     """Running numbers and places, (n,) int64 and (n, 3) float64 relative to ``place``, of points of the first ``layers`` layers
     of the cells ``rows`` that lie in a box.
 
+    every: of the last of these layers, points are looked at whose number is a multiple of it.
     place: (3,) its centre, relative to the grid's origin.  axes: (3, 3) rows, unit vectors.  half: (3,) half lengths along
     them.
     """
@@ -117,7 +118,9 @@ def points_in_box(points, coords, offsets, layers, rows, size, place, axes, half
         y0 = coords[row, 1] * size - place[1]
         z0 = coords[row, 2] * size - place[2]
         for layer in range(layers):
-            for i in range(offsets[layer * cells + row], offsets[layer * cells + row + 1]):
+            stride = every if layer == layers - 1 else 1
+            begin = (offsets[layer * cells + row] + stride - 1) // stride * stride
+            for i in range(begin, offsets[layer * cells + row + 1], stride):
                 x, y, z = place_in_cell(points, i, step)
                 x, y, z = x0 + x, y0 + y, z0 + z
                 if abs(axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z) > half[0]:
