@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 from test_fit_parts import half_pipe, random_surface
 
-from pointglass.viewer.work.fits.fit_loops import explained, first_of_each
-from pointglass.viewer.work.fits.least_squares import STEPS_AT_FIRST, TUKEY, nearest, scatter_of
+from pointglass.viewer.work.fits.fit_loops import explained, first_of_each, median_of
+from pointglass.viewer.work.fits.least_squares import STEPS_AT_FIRST, TUKEY, nearest
 from pointglass.viewer.work.fits.measured import distinct, in_cloud
 from pointglass.viewer.work.fits.surfaces import Circle, Cylinder, Plane
+
+
+def scatter_of(distances, floor):
+    return max(1.4826 * np.median(np.abs(distances)), floor)
 
 
 def plain_nearest(surface, points, floor, sigma):
@@ -67,3 +71,10 @@ def test_points_at_one_place_count_once_and_no_other_is_left_out(seed):
     assert np.array_equal(first_of_each(xyz.view(np.int64)), first)
     once = distinct(in_cloud(xyz, np.zeros(3), most=10**6))(np.zeros(3), np.eye(3), np.ones(3))
     assert once.index is not None and np.array_equal(once.index, first)
+
+
+def test_the_median_is_numpy_s(seed):
+    random = np.random.default_rng(seed)
+    for count in range(1, 60):
+        values = random.choice([random.normal(size=count), random.integers(0, 5, count).astype(float)])
+        assert median_of(values.copy()) == np.median(values)

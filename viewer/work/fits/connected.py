@@ -7,9 +7,8 @@ Point-Cloud Shape Detection, 2007, section 4.4).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from ....model.common.jit import compiled
 
 FARTHEST = 2
 """Cells between the click and the nearest points of its piece.  With 1 and 4 the same pipes and planes are fitted
@@ -48,43 +47,47 @@ def connected(unrolled: np.ndarray, at: np.ndarray, cell: float, circumference: 
     first, second = first - low[0], second - low[1]
     occupied = np.zeros(size, bool)
     occupied[first, second] = True
-    labels: np.ndarray = ndimage.label(occupied, np.ones((3, 3), int))[0]  # type: ignore[index,assignment]
-    if circumference is not None:
-        labels = _joined_across(labels)
-    clicked = _nearest(labels, (-low[0], -low[1]), round_first=circumference is not None)
-    if clicked == 0:
+    clicked = _nearest(occupied, (-low[0], -low[1]), round_first=circumference is not None)
+    if clicked is None:
         return Piece(np.zeros(len(where), bool), (False, False), 0.0)
-    mine = labels == clicked
+    mine, cells = filled(occupied, *clicked, circumference is not None)
     chosen = mine[first, second]
-    reach = np.abs(where[chosen]).max(axis=0)
+    reach = [float(np.abs(where[chosen, axis]).max()) for axis in range(2)]
     ends = tuple(bool(far > edge - 2 * cell) for far, edge in zip(reach, border, strict=True))
-    return Piece(chosen, (circumference is None and ends[0], ends[1]), float(mine.sum()) * cell**2)
+    return Piece(chosen, (circumference is None and ends[0], ends[1]), float(cells) * cell**2)
 
 
-def _joined_across(labels: np.ndarray) -> np.ndarray:
-    """Labels of a raster whose last row lies beside its first: one for all that is joined there."""
-    last, first = labels[-1], labels[0]
-    ends = np.concatenate([last, last[1:], last[:-1]])
-    begins = np.concatenate([first, first[:-1], first[1:]])
-    beside = (ends > 0) & (begins > 0)
-    ends, begins = ends[beside], begins[beside]
-    if len(ends) == 0:
-        return labels
-    size = int(labels.max()) + 1
-    graph = coo_array((np.ones(len(ends), bool), (ends, begins)), shape=(size, size))
-    same = connected_components(graph, directed=False)[1] + 1
-    same[0] = 0
-    return same[labels]
+@compiled(nogil=True)
+def filled(occupied, row, column, round_first):
+    """(r, c) bool: the occupied cells that a path over the eight neighbours joins to an occupied one; and their number.
+    round_first: the last row lies beside the first."""
+    rows, columns = occupied.shape
+    mine = np.zeros((rows, columns), np.bool_)
+    waiting, count = np.empty((rows * columns, 2), np.int64), 1
+    waiting[0, 0], waiting[0, 1] = row, column
+    mine[row, column], done = True, 0
+    while done < count:
+        row, column = waiting[done, 0], waiting[done, 1]
+        done += 1
+        for i in range(row - 1, row + 2):
+            if not round_first and not 0 <= i < rows:
+                continue
+            i = (i + rows) % rows
+            for j in range(max(column - 1, 0), min(column + 2, columns)):
+                if occupied[i, j] and not mine[i, j]:
+                    mine[i, j] = True
+                    waiting[count, 0], waiting[count, 1] = i, j
+                    count += 1
+    return mine, count
 
 
-def _nearest(labels: np.ndarray, at: tuple[int, int], *, round_first: bool) -> int:
-    """The label at a cell, or of the nearest cell that has one, at most FARTHEST away; else 0."""
-    reach = np.arange(-FARTHEST, FARTHEST + 1)
-    rows, columns = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
-    row, column = at[0] + rows, at[1] + columns
-    if round_first:
-        row = row % labels.shape[0]
-    inside = (row >= 0) & (row < labels.shape[0]) & (column >= 0) & (column < labels.shape[1])
-    found = np.where(inside, labels[np.clip(row, 0, labels.shape[0] - 1), np.clip(column, 0, labels.shape[1] - 1)], 0)
-    away = np.where(found > 0, np.hypot(rows, columns), np.inf)
-    return int(found[away.argmin()])
+def _nearest(occupied: np.ndarray, at: tuple[int, int], *, round_first: bool) -> tuple[int, int] | None:
+    """The occupied cell at ``at``, or nearest to it, at most FARTHEST away; None where there is none."""
+    best, found = np.inf, None
+    for row in range(at[0] - FARTHEST, at[0] + FARTHEST + 1):
+        for column in range(max(at[1] - FARTHEST, 0), min(at[1] + FARTHEST + 1, occupied.shape[1])):
+            inside = row % occupied.shape[0] if round_first else row
+            away = np.hypot(row - at[0], column - at[1])
+            if 0 <= inside < occupied.shape[0] and occupied[inside, column] and away < best:
+                best, found = away, (inside, column)
+    return found

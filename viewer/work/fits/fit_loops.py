@@ -66,22 +66,54 @@ def normal_equations(points, place, frame, radius, parameters, limit):
 
 
 @compiled(nogil=True)
-def moved_by(points, place, frame, radius, parameters, change, limit):
-    """The largest change of a point's distance by a change of the parameters (p,), to first order; and (m,) the distances from
-    the changed surface, ``place``, ``frame`` and ``radius`` each (2, ...) before and after, of the points that counted."""
+def moved_by(points, place, frame, radius, changed_place, changed_frame, changed_radius, change, limit):
+    """The largest change of a point's distance by a change of the parameters (p,), to first order; and (m,) the amounts of the
+    distances from the changed surface of the points that counted, which lay within ``limit``."""
     left, found, most, slopes = np.empty(points.shape[0]), 0, 0.0, np.empty(5)
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0] - place[0, 0], points[i, 1] - place[0, 1], points[i, 2] - place[0, 2]
-        distance = _linearised(x, y, z, frame[0], radius[0], slopes)
+        x, y, z = points[i, 0] - place[0], points[i, 1] - place[1], points[i, 2] - place[2]
+        distance = _linearised(x, y, z, frame, radius, slopes)
         move = 0.0
-        for a in range(parameters):
+        for a in range(change.shape[0]):
             move += slopes[a] * change[a]
-        most = max(most, abs(move))
+        if not abs(move) <= most:
+            most = abs(move)
         if abs(distance) < limit:
-            x, y, z = points[i, 0] - place[1, 0], points[i, 1] - place[1, 1], points[i, 2] - place[1, 2]
-            left[found] = _linearised(x, y, z, frame[1], radius[1], slopes)
+            x, y, z = points[i, 0] - changed_place[0], points[i, 1] - changed_place[1], points[i, 2] - changed_place[2]
+            left[found] = abs(_linearised(x, y, z, changed_frame, changed_radius, slopes))
             found += 1
     return most, left[:found]
+
+
+@compiled(nogil=True)
+def median_of(values):
+    """The median of (n,) values, n > 0, which it puts in another order (Hoare, Algorithm 65: Find, 1961)."""
+    middle = values.shape[0] // 2
+    low, high = 0, values.shape[0] - 1
+    while low < high:
+        pivot, i, j = values[(low + high) // 2], low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            break
+    upper = values[middle]
+    if values.shape[0] % 2:
+        return upper
+    lower = values[0]
+    for i in range(middle):
+        lower = max(lower, values[i])
+    return (lower + upper) / 2
 
 
 @compiled(nogil=True)

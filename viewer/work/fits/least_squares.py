@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.special import stdtrit
 
-from .fit_loops import distances_of, moved_by, normal_equations
+from .fit_loops import distances_of, median_of, moved_by, normal_equations
 from .surfaces import Surface
 
 One = TypeVar("One", bound=Surface)
@@ -74,8 +74,7 @@ def nearest(surface: One, points: np.ndarray, floor: float, sigma: float | None 
         change = -_solved(matrix / np.outer(scale, scale), right / scale) / scale
         surface = surface.changed(change)
         before, (place, frame, radius) = (place, frame, radius), surface.placed()
-        both = (np.stack([first, second]) for first, second in zip(before, (place, frame, radius), strict=True))
-        moved, distances = moved_by(points, *both, parameters, change, limit)
+        moved, distances = moved_by(points, *before, place, frame, radius, change, limit)
         if not np.isfinite(moved):
             raise ValueError("the points do not determine the surface")
         scatter, best = best, scatter_of(distances, floor)
@@ -86,7 +85,7 @@ def nearest(surface: One, points: np.ndarray, floor: float, sigma: float | None 
 
 def scatter_of(distances: np.ndarray, floor: float) -> float:
     """Robust standard deviation of distances around 0, at least ``floor``."""
-    return max(_MAD * float(np.median(np.abs(distances))), floor) if len(distances) else floor
+    return max(_MAD * float(median_of(np.abs(distances))), floor) if len(distances) else floor
 
 
 def _tukey(ratio: np.ndarray) -> np.ndarray:
