@@ -8,6 +8,7 @@ Frame: heights above the base, file units, float64.
 
 import numpy as np
 
+from ....model.common.jit import compiled
 from .surface_heights import Grid
 
 _VOXEL, _VOXELS = 3.0, 10_000_000
@@ -29,7 +30,7 @@ def hanging(cells: np.ndarray, above: np.ndarray, grid: Grid) -> np.ndarray:
         return np.zeros(len(cells), bool)
     count = len(touching)
     lowest = np.full(grid.inside.size, np.iinfo(np.int64).max)
-    np.minimum.at(lowest, cells, levels * count + parts)
+    _lowest(cells, levels, parts, count, lowest)
     under = lowest % count  # the lowest part of each cell
     points = np.bincount(cells[under[cells] == parts], minlength=len(lowest))  # of it
     crossed = np.bincount(parts[under[cells] != parts], minlength=count) > 0
@@ -39,12 +40,19 @@ def hanging(cells: np.ndarray, above: np.ndarray, grid: Grid) -> np.ndarray:
     for part in np.flatnonzero(crossed & ~touching):
         own = order[first[part] : first[part + 1]]
         beneath = np.where((under != part) & (lowest // count < np.median(levels[own])), points, 0)
-        found[part] = _hangs(np.unique(cells[own]), beneath.reshape(grid.shape), grid)
+        found[part] = _hangs(cells[own], beneath.reshape(grid.shape), grid)
     return found[parts]
 
 
+@compiled(nogil=True)
+def _lowest(cells, levels, parts, count, lowest):
+    """lowest: int64 of each cell, result: the least of level times ``count``, plus part, of the points there."""
+    for i in range(cells.shape[0]):
+        lowest[cells[i]] = min(lowest[cells[i]], levels[i] * count + parts[i])
+
+
 def _hangs(cells: np.ndarray, beneath: np.ndarray, grid: Grid) -> bool:
-    """Whether the part in these cells hangs.  beneath: (grid.shape) points of lower parts."""
+    """Whether the part hangs whose points lie in these cells.  beneath: (grid.shape) points of lower parts."""
     from scipy.ndimage import binary_closing, binary_erosion, uniform_filter
 
     rows, columns = np.divmod(cells, grid.shape[1])
@@ -76,5 +84,5 @@ def _parts(cells: np.ndarray, above: np.ndarray, grid: Grid) -> tuple[np.ndarray
     there[at] = True
     parts = np.asarray(label(there, np.ones((3, 3, 3)))[0], np.int64)  # type: ignore[reportIndexIssue]
     touching, ground = np.zeros(int(parts.max()) + 1, bool), int(np.floor(-low / side))
-    touching[np.unique(parts[:, :, max(ground - 1, 0) : max(ground + 2, 0)])] = True
+    touching[parts[:, :, max(ground - 1, 0) : max(ground + 2, 0)]] = True
     return parts[at], levels, touching

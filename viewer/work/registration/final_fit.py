@@ -133,7 +133,7 @@ def _stated(pairs: _Pairs, transform: Rows, sigma: float, fixed_count: int) -> F
     back = np.diag(1.0 / pairs.scale)
     return FinalFit(
         transform, pairs.distances[kept], sigma, pairs.points[kept], pairs.near, float(counts.sum()) / pairs.count,
-        len(np.unique(pairs.fixed[kept])) / max(fixed_count, 1), back @ covariance @ back,
+        _different(pairs.fixed[kept], fixed_count) / max(fixed_count, 1), back @ covariance @ back,
         hessian / max(float(weights.sum()), 1e-300), pairs.normal_noise, pairs.middle, pairs.radius, coverage,
     )  # fmt: skip
 
@@ -145,10 +145,10 @@ def _jackknife(pairs: _Pairs, scaled: np.ndarray, weights: np.ndarray, hessian: 
 
     low, size = pairs.points.min(axis=0), float(np.ptp(pairs.points, axis=0).max()) / side
     cells = np.minimum(((pairs.points - low) / max(size, 1e-300)).astype(np.int64), side - 1)
-    _, block = np.unique(cells @ np.array([1, side, side**2]), return_inverse=True)
-    blocks = int(block.max()) + 1
-    order = np.argsort(block, kind="stable")
-    ends = np.searchsorted(block[order], np.arange(1, blocks))
+    cell = (cells @ np.array([1, side, side**2])).astype(np.uint16)  # of 16 bits, which are sorted by their digits
+    held = np.bincount(cell)
+    held = held[held > 0]
+    order, ends, blocks = np.argsort(cell, kind="stable"), np.cumsum(held)[:-1], len(held)
     moves = []
     for part in np.split(order, ends):
         rows, share = scaled[part], weights[part]
@@ -157,6 +157,13 @@ def _jackknife(pairs: _Pairs, scaled: np.ndarray, weights: np.ndarray, hessian: 
     moves = np.array(moves)
     covariance = (blocks - 1) / blocks * moves.T @ moves
     return covariance, float(stdtrit(max(blocks - 1, 1), 0.975))
+
+
+def _different(numbers: np.ndarray, count: int) -> int:
+    """How many different numbers below ``count`` there are.  np.unique keeps the interpreter's lock while it looks."""
+    there = np.zeros(count, bool)
+    there[numbers] = True
+    return int(there.sum())
 
 
 def _tukey(ratio: np.ndarray) -> np.ndarray:

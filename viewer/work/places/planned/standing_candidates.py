@@ -89,8 +89,9 @@ def _spread(floors: np.ndarray, metre: float) -> np.ndarray:
     while True:
         cells = np.floor(floors / np.array([side, side, _STOREY * metre])).astype(np.int64)
         away = ((floors[:, :2] / side - cells[:, :2] - 0.5) ** 2).sum(axis=1)
-        order = np.lexsort((away, *cells.T))
-        _, first = np.unique(cells[order], axis=0, return_index=True)
+        order = np.lexsort((away, cells[:, 2], cells[:, 1], cells[:, 0]))
+        # np.unique of rows keeps the interpreter's lock while it sorts
+        first = np.flatnonzero(np.diff(cells[order], axis=0, prepend=cells[order[:1]] - 1).any(axis=1))
         if len(first) <= _MOST:
             return order[first]
         side *= 1.3
