@@ -1,5 +1,6 @@
 """Measured lengths on sheets and in drawings of a cut, by the command, read back by ezdxf and as texts of a PDF."""
 
+import re
 import zlib
 from typing import Any
 
@@ -77,9 +78,9 @@ def test_a_sheet_has_the_dimensions_of_the_drawing(project, tmp_path, options, c
     assert len(drawing.modelspace().query("DIMENSION")) == count
 
 
-def test_sides_and_areas_are_drawn_in_the_frame_and_what_is_too_short_is_counted(room, tmp_path, capsys):  # noqa: F811
+def test_sides_totals_and_areas_are_drawn_in_the_frame_and_what_is_too_short_is_counted(room, tmp_path, capsys):  # noqa: F811
     def at(*places) -> tuple[MeasuredPoint, ...]:
-        return tuple(MeasuredPoint(vector([AT[0] + x, AT[1] + y, 1.2]), noise=0.001) for x, y in places)
+        return tuple(MeasuredPoint(vector(np.array([AT[0] + x, AT[1] + y, 1.2])), noise=0.001) for x, y in places)
 
     wide, deep = SIDES
     made = [Measurement("polyline", at((1, 1), (4, 1), (4, 3)), "way"),
@@ -99,9 +100,14 @@ def test_sides_and_areas_are_drawn_in_the_frame_and_what_is_too_short_is_counted
     (left, bottom), _, (right, top), _ = (place[:2] for place in frame.get_points())
     assert all(left < each.dxf.text_midpoint.x < right and bottom < each.dxf.text_midpoint.y < top
                and bottom < each.dxf.defpoint.y < top for each in found)
-    (area,) = space.query("MTEXT")
-    assert area.text.startswith("6.00") and area.text.endswith(" units²")
-    assert area.dxf.insert.isclose((AT[0] + 6, AT[1] + 2.5, 0))
+    area, perimeter, total = sorted(space.query("MTEXT"), key=lambda each: ["6.00", "peri", "tota"].index(each.text[:4]))
+    assert area.text.endswith(" units²")
+    assert re.fullmatch(r"perimeter 10\.00\d* ± 0\.00\d+ units", perimeter.text)
+    assert re.fullmatch(r"total 5\.00\d* ± 0\.00\d+ units", total.text)
+    assert area.dxf.insert.x == perimeter.dxf.insert.x == pytest.approx(AT[0] + 6)
+    assert (area.dxf.insert.y + perimeter.dxf.insert.y) / 2 == pytest.approx(AT[1] + 2.5)
+    assert area.dxf.insert.y > perimeter.dxf.insert.y + area.dxf.char_height
+    assert total.dxf.insert.x == pytest.approx(AT[0] + 4) and total.dxf.insert.y > AT[1] + 3 + total.dxf.char_height
     assert cli.main(["section", str(project), "--plan", "1.2", "--trace", "--out", str(out.with_suffix(".pdf"))]) == 0
     printed = capsys.readouterr().out
     assert said in printed and " m in all" in printed  # a sheet has a scale and takes an unnamed unit as the metre, as it says

@@ -1,5 +1,5 @@
 """Dimensions on a sheet: measured lengths that lie in its cut, with extension lines, ticks and texts, moved off each other;
-and measured areas.
+and what is written of measured areas and whole polylines.
 
 Frame: paper coordinates of the cut, file units, which the caller places on its page.
 """
@@ -58,11 +58,15 @@ def draw_dimensions(page: Any, dimensions: CutDimensions, millimetre: float, are
             if edge is not None:
                 drawn.set_clip_path(edge)
 
-    for area_text in dimensions.areas:
-        stroke(np.concatenate([area_text.outline, area_text.outline[:1]]))
-        write(area_text.place, area_text.text, 0.0)
-    for each in laid_apart(dimensions.lines, height, lambda text: text_width(text, LETTERS * POINTS) * millimetre, area,
-                           dimensions.areas):
+    def width(text: str) -> float:
+        return text_width(text, LETTERS * POINTS) * millimetre
+
+    for each_text in dimensions.texts:
+        if each_text.outline is not None:
+            stroke(np.concatenate([each_text.outline, each_text.outline[:1]]))
+        for middle, line in zip(each_text.middles(height, width, area), each_text.lines, strict=True):
+            write(middle, line, 0.0)
+    for each in laid_apart(dimensions.lines, height, width, area, dimensions.texts):
         ends, line = np.array([each.start, each.end]), each.line
         way = (line[0] - ends[0]) / abs(each.offset)
         turn = np.radians(each.angle)

@@ -17,7 +17,7 @@ from ..measuring.measure_shapes import shapes_of
 from ..measuring.measure_text import decimals_of, text_of
 from ..measuring.measurement import KINDS, Measurement
 from ..measuring.values import evaluate
-from .cut_areas import CutArea, areas_of
+from .cut_texts import CutText, texts_of
 
 LINEAR = ("distance", "height", "point to plane", "plane to plane")
 """Kinds that are the length of one line."""
@@ -69,11 +69,11 @@ class Dimension:
 
 @dataclass(frozen=True, eq=False)
 class CutDimensions:
-    """What was measured in a cut.  lines: lengths.  areas: with their texts.  short: how many lengths in the cut have no
-    dimension, because they are too short on the paper, or seen from their end."""
+    """What was measured in a cut.  lines: lengths.  texts: of areas, and of whole polylines.  short: how many lengths in the
+    cut have no dimension, because they are too short on the paper, or seen from their end."""
 
     lines: tuple[Dimension, ...] = ()
-    areas: tuple[CutArea, ...] = ()
+    texts: tuple[CutText, ...] = ()
     short: int = 0
 
 
@@ -85,7 +85,7 @@ def dimension_text(measurement: Measurement, unit: str) -> str:
 
 def dimensions_of(measurements: Iterable[Measurement], paper: Paper, holds: Callable[[np.ndarray], np.ndarray], unit: str,
                   least: float) -> CutDimensions:  # fmt: skip
-    """The lengths and areas that lie in a cut; each side of a polyline is a length.
+    """The lengths and areas that lie in a cut; each side of a polyline is a length, and the whole a text.
 
     paper: coordinates on it.  holds: (n,) bool of (n, 3) paper coordinates, which lie in the cut.  unit: name of it.
     least: length on the paper, file units, below which none is drawn: it is seen from its end.
@@ -104,7 +104,7 @@ def dimensions_of(measurements: Iterable[Measurement], paper: Paper, holds: Call
             text = f"{VALUE} ({text.replace(VALUE, f'{result.value:.{digits}f}')} in space)"
         (x, y), (u, v) = ends[0, :2].tolist(), ends[1, :2].tolist()
         found.append(Dimension((x, y), (u, v), text, digits))
-    return CutDimensions(tuple(found), areas_of(measurements, paper, holds, unit), short)
+    return CutDimensions(tuple(found), texts_of(measurements, paper, holds, unit), short)
 
 
 def _sides(measurement: Measurement) -> list[Measurement]:
@@ -147,15 +147,15 @@ def _across(fit: Fit, paper: Paper) -> np.ndarray:
 
 
 def laid_apart(dimensions: Sequence[Dimension], height: float, width: Callable[[str], float],
-               area: np.ndarray | None = None, areas: Sequence[CutArea] = ()) -> list[Dimension]:
+               area: np.ndarray | None = None, texts: Sequence[CutText] = ()) -> list[Dimension]:
     """The dimensions with their offsets, the shortest nearest to what they measure.
 
     height: of the texts, file units.  width: of a text, file units.  area: (2, 2) least and largest coordinates between which
-    texts and lines lie; None: everywhere.  areas: on whose texts none lies.  A dimension that finds no free place in _MOST
+    texts and lines lie; None: everywhere.  texts: on which none lies.  A dimension that finds no free place in _MOST
     steps has the first one in the area."""
     placed: list[Dimension] = []
     rectangles: list[tuple[np.ndarray, np.ndarray]] = []  # of the text and of the line
-    written = [each.rectangle(height, width(each.text)) for each in areas]
+    written = [each.rectangle(height, width, area) for each in texts]
     found: dict[int, Dimension] = {}
     for number in sorted(range(len(dimensions)), key=lambda each: dimensions[each].length):
         tries = [replace(dimensions[number], offset=side * (OFFSET + _STEP * step) * height)

@@ -51,7 +51,6 @@ def evaluate(measurement: Measurement) -> Result:
             return Result(fit.tilt(measurement.up), fit.tilt_uncertainty, power, residual)
         return Result(2 * fit.radius, 2 * fit.radius_uncertainty, power, residual)
     points = np.array([point.position for point in measurement.points], np.float64)
-    variances = np.array([point.variance for point in measurement.points])
     middle = points.mean(axis=0)
     if measurement.kind == "angle":
         value, slopes = _angle(points - middle)
@@ -66,10 +65,25 @@ def evaluate(measurement: Measurement) -> Result:
         value, slopes = _length(points - np.outer((points - middle) @ up, up))
     else:
         value, slopes = _length(points)
+    return Result(value, _spread(slopes, measurement), power, residual)
+
+
+def perimeter(measurement: Measurement) -> Result | None:
+    """The length of the way round an area through its corners, in space; None of other kinds."""
+    if measurement.kind != "area":
+        return None
+    points = np.array([point.position for point in measurement.points], np.float64)
+    value, slopes = _length(np.concatenate([points, points[:1]]))
+    slopes[0] += slopes[-1]  # the way ends where it began
+    return Result(value, _spread(slopes[:-1], measurement), 1)
+
+
+def _spread(slopes: np.ndarray, measurement: Measurement) -> float:
+    """Expanded uncertainty of a value with the derivatives (n, 3) by the points of a measurement."""
+    variances = np.array([point.variance for point in measurement.points])
     spread = COVERAGE * float(np.sqrt((np.sum(slopes**2, axis=1) * variances).sum()))
-    short = sum(abs(float(slope @ point.beyond)) for slope, point in zip(slopes, measurement.points, strict=True)
-                if point.beyond is not None)
-    return Result(value, spread + short, power, residual)
+    return spread + sum(abs(float(slope @ point.beyond)) for slope, point in zip(slopes, measurement.points, strict=True)
+                        if point.beyond is not None)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -61,11 +61,17 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
     size = _HEIGHT * step
     add_styles(drawing, size)
     measured, frame = dimensions or CutDimensions(), np.array(edge)[[0, 2]]
-    for area in measured.areas:
-        space.add_lwpolyline(area.outline.tolist(), close=True, dxfattribs={"layer": DIMENSIONS})
-        space.add_mtext(printable(area.text), {"layer": DIMENSIONS, "style": STYLE, "char_height": size, "attachment_point": 5,
-                                               "insert": tuple(area.place.tolist())})
-    for each in laid_apart(measured.lines, size, lambda text: _WIDTH * size * len(text), frame, measured.areas):
+
+    def width(text: str) -> float:
+        return _WIDTH * size * len(text)
+
+    for text in measured.texts:
+        if text.outline is not None:
+            space.add_lwpolyline(text.outline.tolist(), close=True, dxfattribs={"layer": DIMENSIONS})
+        for middle, line in zip(text.middles(size, width, frame), text.lines, strict=True):
+            space.add_mtext(printable(line), {"layer": DIMENSIONS, "style": STYLE, "char_height": size, "attachment_point": 5,
+                                              "insert": tuple(middle.tolist())})
+    for each in laid_apart(measured.lines, size, width, frame, measured.texts):
         add_dimension(space, np.array([each.start, each.end]), each.offset, printable(each.text), each.digits, DIMENSIONS)
     xs, ys = grid_places(left, right, step), grid_places(bottom, top, step)
     for x in xs:
