@@ -7,6 +7,7 @@ import pytest
 from cloud_files import write_las, write_ply
 from swept_room import PLACES, sweep
 
+import pointglass
 from pointglass.viewer import cli
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.rigid_transform import inverse, moved_points, rigid, rotation_about
@@ -55,6 +56,15 @@ def test_pairs_and_surfaces_bring_a_scan_to_its_place_and_the_project_shows_it_t
     assert cli.main(again) == 0 and "registration unsure by" in capsys.readouterr().out
     table = (tmp_path / "compared" / "distances.csv").read_text("utf-8-sig")
     assert f",registration uncertainty (95 %),,,{unsure:.9g}," in table and ",search depth,,,0.2," in table
+    with pointglass.open(fixed, cache=False) as before, pointglass.open(moving, cache=False) as after:
+        there = pointglass.compare(before, after, project=out, depth=0.2)
+        exact = pointglass.compare(before, after, project=out, depth=0.2, registration=0.0)
+        with pytest.raises(InputError, match="do not overlap"):
+            pointglass.compare(before, after)
+        with pytest.raises(InputError, match="after: an array has no file that a project could have moved"):
+            pointglass.compare(before, second, project=out)
+    assert there.registration == unsure and abs(np.nanmedian(there.distance)) < 0.001
+    np.testing.assert_allclose(there.uncertainty, exact.uncertainty + unsure)
 
 
 def test_pairs_alone_move_a_scan(tmp_path, seed, stations, capsys):

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -46,15 +46,18 @@ def layer_of(path: Path, meta: ScanDescription, project: Path | None, told: Call
 def registration_in(project: Path | None, before: Path, after: Path, told: Callable[[str], object]) -> float:
     """Uncertainty (95 %) of how two scans, or a scan and a model, lie to each other, as Align left it in a project; told: is
     told where the project moved one and has no uncertainty of that.  Raises InputError."""
-    if project is None:
-        return 0.0
+    return 0.0 if project is None else unsure_in(project, [[str(before)], [str(after)]], told)
+
+
+def unsure_in(project: Path, pair: Iterable[Sequence[str]], told: Callable[[str], object]) -> float:
+    """As registration_in, of two scans or meshes of one or several files each, or folders."""
     document = read_project(project)
     laid = {os.path.realpath(layer.path): layer.unsure for layer in document.meshes if layer.transform != IDENTITY}
-    known = [laid[at] if (at := os.path.realpath(path)) in laid else unsure_of(document.scans, path)
-             for path in (before, after)]
-    if None in known:
+    known = [[laid[at] if (at := os.path.realpath(path)) in laid else unsure_of(document.scans, Path(path)) for path in paths]
+             for paths in pair]
+    if any(None in each for each in known):
         told(f"{project.name} does not say how certain the places of its scans are; --registration adds it to each uncertainty")
-    return math.hypot(*(unsure or 0.0 for unsure in known))
+    return math.hypot(*(max((unsure or 0.0 for unsure in each), default=0.0) for each in known))
 
 
 def read_model(path: Path, layer: MeshLayer, meta: ScanDescription) -> Cloud:
