@@ -168,6 +168,7 @@ def _named_letters(p: Person, folder: Path) -> None:
     middle = session.camera.position + 3 * session.camera.forward
     session.work.edit("A note", annotations=(Annotation(f"{LETTER} wall", tuple(middle.tolist())),))
     p.key("k")
+    p.click("Saved pictures (F12)")
     p.click("with notes")
     assert session.work.shot_noted and p.d.app.toolbox.active is film
 

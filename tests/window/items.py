@@ -8,7 +8,8 @@ class Items:
     """Where the items of the panels are: their rectangles by label, recorded while a frame is drawn."""
 
     KINDS = ("button", "begin_combo", "selectable", "input_text", "slider_float", "checkbox", "radio_button", "small_button",
-             "invisible_button", "drag_float", "input_double", "input_int")
+             "invisible_button", "drag_float", "input_double", "input_int",
+             "collapsing_header")
 
     def __init__(self, d: Driver):
         self._driver = d

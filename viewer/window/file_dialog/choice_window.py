@@ -306,4 +306,6 @@ def _places_of(choice: FileChoice, files: FileDialogs) -> list[tuple[str, list[t
     names = [folder.name for folder in files.folders.recent]
     recent = [(f"{folder.parent.name}/{folder.name}" if names.count(folder.name) > 1 else folder.name or str(folder), folder)
               for folder in files.folders.recent]
+    folders = [folder for _, folder in places]
+    places = [each for number, each in enumerate(places) if each[1] not in folders[:number]]  # a folder stands there once
     return [("Places", places)] + ([("Recent", recent)] if recent else [])

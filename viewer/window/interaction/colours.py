@@ -16,6 +16,7 @@ from ...render.raster.edit_block import ends_of
 from ..kit import icons
 from ..kit.number_field import number_inputs
 from ..kit.sliders import slider_float, slider_int
+from ..kit.widgets import tooltip_beside
 from ..session.colour_legend import shown_legend
 from .editing import edit
 from .tool import Overlay, Tool, ToolContext
@@ -103,7 +104,7 @@ class Colours(Tool):
                         context.session.view_settings.show_colours()
                 ui.end_disabled()
                 if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
-                    ui.set_tooltip(why or mode.text)
+                    tooltip_beside(ui, why or mode.text)
             ui.end_combo()
         if COLOUR_BY[look.colour_by].legend == "ramp":
             self._ramp(ui, context, look)
@@ -135,7 +136,7 @@ class Colours(Tool):
             low, high = (layout.as_stored(float(end)) if stored else float(end) for end in ends)
             self._change(context, "range", low=low, high=high)
         if ui.is_item_hovered():
-            ui.set_tooltip("lowest and highest value of the colour ramp")
+            tooltip_beside(ui, "lowest and highest value of the colour ramp")
 
     def _slider(self, ui: Any, context: ToolContext, name: str, least: float, most: float, form: str) -> None:
         look = context.document.look

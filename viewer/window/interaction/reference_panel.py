@@ -11,6 +11,7 @@ from ...common.errors import InputError
 from ...readers import crs
 from ...work.reference import UNITS, unit_name_of
 from ..kit import theme
+from ..kit.widgets import tooltip_beside
 from ..kit.worker import Worker
 from .editing import edit
 from .tool import ToolContext
@@ -62,8 +63,8 @@ class ReferencePanel:
             self._list(ui, context, code, f"{AS_FILE}: {of_file}" if of_file else f"{AS_FILE} (it names none)")
             ui.end_combo()
         elif ui.is_item_hovered(ui.HoveredFlags_.for_tooltip):
-            ui.set_tooltip(f"{shown}\nWhat the coordinates mean; they are not changed."
-                           if code else f"The file's reference system: {of_file or 'none'}")
+            tooltip_beside(ui, f"{shown}\nWhat the coordinates mean; they are not changed."
+                               if code else f"The file's reference system: {of_file or 'none'}")
         self._unit(ui, context, scans[0].metres_per_unit, AS_FILE if code is None else "that of the system")
         context.session.work.facts(context.scene.meta)
         if (problem := context.session.work.reference_problem) is not None:
@@ -145,7 +146,7 @@ class ReferencePanel:
             ui.end_combo()
         elif ui.is_item_hovered(ui.HoveredFlags_.for_tooltip):
             known = context.session.facts.metres_per_unit
-            ui.set_tooltip(f"1 unit = {known:g} m" if known else "unknown: measurements are shown without a unit's name")
+            tooltip_beside(ui, f"1 unit = {known:g} m" if known else "unknown: measurements are shown without a unit's name")
 
     def close(self) -> None:
         """The window closes; the list is read to its end, which takes less than a second."""

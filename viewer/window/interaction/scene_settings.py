@@ -4,6 +4,7 @@ from typing import Any
 
 from ...picture.edits import UP_AXES
 from ..kit import icons
+from ..kit.widgets import tooltip_beside
 from .editing import edit, step
 from .reference_panel import ReferencePanel
 from .tool import Tool, ToolContext
@@ -29,7 +30,7 @@ class SceneSettings(Tool):
                     edit(context, f"Up axis {name}", up=axis)
             ui.end_combo()
         if ui.is_item_hovered():
-            ui.set_tooltip("for flying, heights, level slabs and turning clips")
+            tooltip_beside(ui, "for flying, heights, level slabs and turning clips")
         self.reference.draw(ui, context)
         ui.separator()
         work = context.session.work
@@ -44,12 +45,12 @@ class SceneSettings(Tool):
                 step(context, redo=redo)
             ui.end_disabled()
             if label and ui.is_item_hovered():
-                ui.set_tooltip(f"{verb}: {label}")
+                tooltip_beside(ui, f"{verb}: {label}")
 
         if context.files.has_system:
             context.files.prefer_window(ui.checkbox("choose files in this window", context.files.folders.in_window)[1])
             if ui.is_item_hovered():
-                ui.set_tooltip("not in the dialog of the desktop")
+                tooltip_beside(ui, "not in the dialog of the desktop")
 
     def close(self) -> None:
         self.reference.close()

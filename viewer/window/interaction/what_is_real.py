@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 from ...picture.provenance import PHOTOGRAPHED, REPAINTED
 from ...picture.provenance_tint import COLOURS, NAMES, Shares, shares
 from ..kit import icons
+from ..kit.widgets import facts, tooltip_beside
 from .editing import edit
 from .tool import Tool, ToolContext
 
@@ -52,8 +53,9 @@ class WhatIsReal(Tool):
         self.shares = shares("filled" if locked else view, image, mask, read.get("filtered"), photographs)
         self._frame, self._seen = frame, seen
 
-    def lines(self) -> list[tuple[int, str]]:
-        """(provenance, text) of the legend's rows; repainted and from photographs only where there is such a pixel."""
+    def rows(self) -> list[tuple[int, str, str]]:
+        """(provenance, its share, its name) of the legend's rows; repainted and from photographs only where there is such a
+        pixel."""
         if self.shares is None:
             return []
         rows = []
@@ -61,17 +63,16 @@ class WhatIsReal(Tool):
             percent = self.shares.percent[key]
             if key in (REPAINTED, PHOTOGRAPHED) and percent == 0:
                 continue
-            by = f" by {self.shares.change:.0f}/255 levels" if key == 2 and self.shares.change is not None else ""
-            rows.append((key, f"{percent:5.1f} %  {name}{by}"))
+            by = f" by {self.shares.change:.0f} of 255 levels" if key == 2 and self.shares.change is not None else ""
+            rows.append((key, f"{percent:.1f} %", name + by))
         return rows
 
     def follow(self, context: ToolContext) -> None:
         self._count(context)
-        context.session.work.tint_rows = [(COLOURS[key], text) for key, text in self.lines()]
+        context.session.work.tint_rows = [(COLOURS[key], f"{share:\u2007>6}  {name}") for key, share, name in self.rows()]
 
     def panel(self, ui: Any, context: ToolContext) -> None:
-        for _, text in self.lines():
-            ui.text_wrapped(text)
+        facts([(share, name) for _, share, name in self.rows()], context.theme, first=50.0)
         lock(ui, context)
         ui.text_wrapped("Measured pixels hold points that the filter kept. Filled pixels hold none: they are interpolated. "
                         "The network repaints both: measured pixels from green (little) to violet (much).")
@@ -83,4 +84,4 @@ def lock(ui: Any, context: ToolContext) -> None:
     if changed:
         edit(context, "Lock measured pixels" if on else "Unlock measured pixels", lock_measured=on)
     if ui.is_item_hovered():
-        ui.set_tooltip("The network then paints only the pixels in which nothing was measured")
+        tooltip_beside(ui, "The network then paints only the pixels in which nothing was measured")

@@ -12,8 +12,6 @@ from .widgets import tooltip_beside
 
 _SHOWN = re.compile(r"%[.\d]*[fg]")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
-_WIDTH = 19.0
-"""Of what is said, at most, in heights of the font."""
 
 
 class _Said:
@@ -82,4 +80,4 @@ def _when_left(ui: Any, value: float, form: str) -> tuple[bool, float]:
 
 
 def _draw(ui: Any) -> None:
-    tooltip_beside(ui, _Said.text, _WIDTH * ui.get_font_size())
+    tooltip_beside(ui, _Said.text)

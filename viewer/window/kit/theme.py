@@ -106,7 +106,7 @@ class Theme:
         style.separator_text_border_size = 1
         style.separator_text_padding = ImVec2(0, 6)
         colours = {
-            "text": TEXT, "text_disabled": DIM, "window_bg": PANEL, "popup_bg": _colour("#23262C", 0.98),
+            "text": TEXT, "text_disabled": DIM, "window_bg": PANEL, "popup_bg": _colour("#23262C"),
             "border": EDGE, "separator": LINE, "frame_bg": FIELD, "frame_bg_hovered": FIELD_OVER,
             "frame_bg_active": FIELD_DOWN, "button": FIELD, "button_hovered": FIELD_OVER, "button_active": FIELD_DOWN,
             "header": _colour("#5CC4C0", 0.28), "header_hovered": FIELD_OVER, "header_active": FIELD_DOWN, "check_mark": ACCENT,

@@ -27,6 +27,8 @@ LIT = tuple((slot, theme.ACCENT) for slot in (imgui.Col_.button, imgui.Col_.butt
     (imgui.Col_.text, theme.ACCENT_TEXT),)  # fmt: skip
 """Colours of a button that is switched on: the same under the pointer."""
 MARGIN = 14.0
+_TOOLTIP = 20.0
+"""Width of a tooltip's text, at most, in heights of the font."""
 _LABEL = 92.0
 
 
@@ -108,25 +110,27 @@ def small(text: str, style: Theme, colour=theme.DIM) -> None:
 
 
 def hint(text: str, style: Theme) -> None:
-    """A tooltip of the item before, also where that is disabled; beside the item, so that it does not cover what follows."""
+    """A tooltip of the item before, also where that is disabled.  style: of the window, for whom calls label and button."""
     if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
-        tooltip_beside(imgui, text, style.px(280))
+        tooltip_beside(imgui, text)
 
 
-def tooltip_beside(ui: Any, text: str, width: float) -> None:
-    """A tooltip at the left or right of the window that is open, as high as the item before.  ui: the ``imgui`` module.
-    width: pixels, at most."""
-    low, size, gap = ui.get_window_pos(), ui.get_io().display_size, ui.get_font_size() / 2
-    right, top = low.x + ui.get_window_width(), ui.get_item_rect_min().y
-    if low.x > width + 5 * gap:
-        ui.set_next_window_pos(ImVec2(low.x - gap, top), 0, ImVec2(1.0, 0.0))
-    elif size.x - right > width + 5 * gap:
-        ui.set_next_window_pos(ImVec2(right + gap, top))
+def tooltip_beside(ui: Any, text: str) -> None:
+    """A tooltip at the left or right of the window that is open, as high as the item before, so that it does not cover what
+    follows.  ui: the ``imgui`` module."""
+    low, size, em = ui.get_window_pos(), ui.get_io().display_size, ui.get_font_size()
+    right, top, width = low.x + ui.get_window_width(), ui.get_item_rect_min().y, _TOOLTIP * em
+    if low.x > width + 2 * em:
+        ui.set_next_window_pos(ImVec2(low.x - em / 2, top), 0, ImVec2(1.0, 0.0))
+    elif size.x - right > width + 2 * em:
+        ui.set_next_window_pos(ImVec2(right + em / 2, top))
+    ui.push_style_var(ui.StyleVar_.window_padding, ImVec2(0.8 * em, 0.6 * em))
     ui.begin_tooltip()
     ui.push_text_wrap_pos(width)
     ui.text_unformatted(text)
     ui.pop_text_wrap_pos()
     ui.end_tooltip()
+    ui.pop_style_var()
 
 
 def label(text: str, explained: str, style: Theme, *, width: float = -1.0) -> None:

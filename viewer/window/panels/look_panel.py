@@ -66,7 +66,7 @@ def _look(session: Session, actions: Actions, new: Settings, style: Theme) -> Se
     hint("" if neural else _NO_NETWORK, style)
     if changed and 0.0 <= detail <= 2.0:
         new = replace(new, detail=detail)
-    label("compare", "Two views side by side (key V)", style)
+    label("compare", "Two views side by side (V)", style)
     changed, on = imgui.checkbox("##compare", chosen.split)
     if changed:
         actions.compare(on)

@@ -33,6 +33,8 @@ _MOVED = icons.ALIGN
 """Before the name of a file that was moved."""
 _SHOW_FILE = "Show the points of this file"
 _SHARED = "This file shares its number with others in the grid: it cannot be hidden by itself"
+_FACTS = 50.0
+"""Of the names of facts, design units."""
 _SIDES = 10.0, 10.0
 """Between the panel's edge and what it holds, design units."""
 
@@ -98,9 +100,12 @@ def _scans(session: Session, actions: Actions, style: Theme) -> None:
     rows.append(("format", scene.meta.format or "unknown"))
     rows.append(("units", units_text(session.facts)))
     extent = scene.bounds[1] - scene.bounds[0]
-    rows.append(("extent", "\u2009×\u2009".join(f"{length:.3g}" if length < 1000 else f"{length:.0f}" for length in extent)))
+    sides = [f"{length:.3g}" if length < 1000 else f"{length:.0f}" for length in extent]
+    whole = "\u2009×\u2009".join(sides)
+    room = imgui.get_content_region_avail().x - style.px(_FACTS) - 2 * imgui.get_style().cell_padding.x
+    rows.append(("extent", whole if imgui.calc_text_size(whole).x <= room else " × ".join(sides)))  # wraps at spaces
     rows.append(("spacing", f"{scene.spacing:.3g}"))
-    facts(rows, style, "scan facts", first=54.0)
+    facts(rows, style, "scan facts", first=_FACTS)
     imgui.pop_font()
     if session.shown_scan.preview and session.loads.current is not None:
         small("Preview; all points follow.", style, theme.WARN)

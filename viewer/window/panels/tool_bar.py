@@ -25,7 +25,7 @@ WIDTH = _BUTTON + 2 * _PAD + _AWAY
 
 def explained(tool: Tool) -> str:
     """The tooltip of a tool's button."""
-    return f"{tool.label}: {tool.help}" + (f" (key {tool.key})" if tool.key else "")
+    return tool.label + (f" ({tool.key})" if tool.key else "") + f"\n{tool.help[:1].upper()}{tool.help[1:]}"
 
 
 def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: Theme) -> None:

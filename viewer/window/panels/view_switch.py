@@ -42,11 +42,11 @@ def draw_view_switch(session: Session, actions: Actions, style: Theme) -> None:
         elif coming:
             loading = chosen.network_load is not None
             state = "\nAsked for; " + ("its network is being loaded." if loading else "shown as soon as it is made.")
-        hint(f"{row.text} (key {number + 1}){state}", style)
+        hint(f"{row.text} ({number + 1}){state}", style)
     imgui.same_line(0, px(4))
     if _segment("||", px(36), height, style, lit=chosen.split, asked=False):
         actions.compare(not chosen.split)
-    hint("Compare two views side by side (key V)", style)
+    hint("Compare two views side by side (V)", style)
     imgui.pop_font()
     imgui.end()
 

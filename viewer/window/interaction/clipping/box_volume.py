@@ -11,6 +11,7 @@ from ....work.fits.measured import in_scene
 from ....work.measuring.height_grid import MOST, volume_in_box
 from ....work.measuring.measurement import MeasuredPoint, Measurement
 from ....work.selection import Selection
+from ...kit.widgets import tooltip_beside
 from ...kit.worker import Worker
 from ..editing import edit, ended
 
@@ -36,7 +37,7 @@ class BoxVolume:
             self.start(context, box)
         ui.end_disabled()
         if ui.is_item_hovered():
-            ui.set_tooltip("Volume between the lowest face of the box and the surface measured in it, such as a heap")
+            tooltip_beside(ui, "Volume between the lowest face of the box and the surface measured in it, such as a heap")
 
     def start(self, context: "ToolContext", box: Box) -> None:
         """Finds the volume in a box of the points that are not hidden."""

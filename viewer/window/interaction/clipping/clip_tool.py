@@ -247,6 +247,8 @@ class ClipTool(Tool):
         if full:
             ui.text_wrapped(f"{MOST_CLIPS} clips can be active at once; turn one off.")
         clips = context.document.clips
+        if not clips:
+            ui.text_wrapped("A clip hides what lies outside it, or inside. Its faces are dragged by their handles.")
         for number, clip in enumerate(clips):
             ui.push_id(number)
             changed, on = ui.checkbox("##active", clip.active)

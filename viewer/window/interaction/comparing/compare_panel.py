@@ -10,7 +10,7 @@ from ....work.comparing.facing import TEXTS
 from ....work.comparing.scene_changes import Coloured, SceneDistances
 from ....work.scan_files import FilePart
 from ...kit.number_field import number_input, say_at_field
-from ...kit.widgets import work_rows
+from ...kit.widgets import tooltip_beside, work_rows
 from ...kit.worker import Worker
 from ..tool import ToolContext
 
@@ -89,7 +89,7 @@ def _beside(ui: Any, tool: Comparing, context: ToolContext) -> None:
     if changed:
         tool.show_beside(context, on)
     if ui.is_item_hovered():
-        ui.set_tooltip("the scan before left and the scan after right of a handle; each side can have its own view")
+        tooltip_beside(ui, "the scan before left and the scan after right of a handle; each side can have its own view")
 
 
 def _file(ui: Any, label: str, names: list[str], offered: list[int], number: int) -> int | None:
@@ -120,7 +120,7 @@ def _method(ui: Any, tool: Comparing, context: ToolContext) -> None:
     elif changed:
         say_at_field(ui, f"{value:g}: expected 0 or more; it stays as it was")
     if ui.is_item_hovered():
-        ui.set_tooltip("95 %, as Align and `pointglass align` state it; it is added to the uncertainty of each distance")
+        tooltip_beside(ui, "95 %, as Align and `pointglass align` state it; it is added to the uncertainty of each distance")
 
 
 def _methods(ui: Any, tool: Comparing) -> None:
@@ -131,7 +131,7 @@ def _methods(ui: Any, tool: Comparing) -> None:
             if ui.selectable(name, name == tool.method)[0]:
                 tool.method = name
             if ui.is_item_hovered():
-                ui.set_tooltip(text)
+                tooltip_beside(ui, text)
         ui.end_combo()
 
 
@@ -154,20 +154,20 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
         if changed:
             tool.show_model(context, on)
         if ui.is_item_hovered():
-            ui.set_tooltip("it covers the points behind its surfaces")
+            tooltip_beside(ui, "it covers the points behind its surfaces")
     if found.known:
         ui.text_wrapped(f"median {found.median:.3g}, sd {found.sd:.3g} {unit}; unsure by {found.uncertainty:.3g} (95 %)")
         if ui.is_item_hovered() and context.scene is not None:
-            ui.set_tooltip(f"of the points as they are shown, coordinates rounded to {context.scene.step:.2g} {unit}:\n"
-                           "Export and `pointglass compare` read the files, and the last digits may differ")
+            tooltip_beside(ui, f"of the points as they are shown, coordinates rounded to {context.scene.step:.2g} {unit}:\n"
+                               "Export and `pointglass compare` read the files, and the last digits may differ")
     for line in change_words(found):
         ui.text_wrapped(line)
     shares = found.bins[1:-1].astype(np.float32)
     ui.plot_histogram("##distances", shares, scale_min=0.0, scale_max=float(max(shares.max(initial=0.0), 1.0)),
                       graph_size=(ui.get_content_region_avail().x, context.theme.px(_GRAPH)))  # fmt: skip
     if ui.is_item_hovered():
-        ui.set_tooltip(f"how many points have which distance, from -{found.limit:.4g} to {found.limit:.4g} {unit}\n"
-                       f"positive (red): {TEXTS[tool.made.distances.rule]}")
+        tooltip_beside(ui, f"how many points have which distance, from -{found.limit:.4g} to {found.limit:.4g} {unit}\n"
+                           f"positive (red): {TEXTS[tool.made.distances.rule]}")
     ui.text_unformatted(f"colours end at ±, {unit}")
     ui.set_next_item_width(-1)
     changed, value = number_input(ui, "##range", found.limit, "%.4g")
@@ -182,18 +182,18 @@ def _result(ui: Any, tool: Comparing, context: ToolContext) -> None:
         if ui.button(label):
             tool.show_share(context, share)
         if ui.is_item_hovered():
-            ui.set_tooltip(f"the colours end where {label} of the distances end")
+            tooltip_beside(ui, f"the colours end where {label} of the distances end")
     changed, on = ui.checkbox("certain changes only", comparison.certain)
     if changed:
         tool.show(context, certain=on)
     if ui.is_item_hovered():
-        ui.set_tooltip("points that changed by less than their uncertainty are grey")
+        tooltip_beside(ui, "points that changed by less than their uncertainty are grey")
     if tool.exporting is not None:
         ui.text_wrapped(tool.exporting.label or tool.exporting.title)
     elif ui.button("Export…"):
         tool.export(context)
     if ui.is_item_hovered():
-        ui.set_tooltip("LAZ with distances, CSV and a picture, as `pointglass compare` writes them")
+        tooltip_beside(ui, "LAZ with distances, CSV and a picture, as `pointglass compare` writes them")
     ui.same_line()
     if ui.button("Own colours"):
         tool.put_away(context)

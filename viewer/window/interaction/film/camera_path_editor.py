@@ -17,7 +17,8 @@ from ....work.cameras.camera_files import CAMERA_ENDINGS, read_cameras, write_ca
 from ....work.cameras.keyframes import pace_of, passing_seconds, path_seconds, preview_cameras
 from ....work.document import LONGEST_STAY, FilmTitle, Keyframe, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
-from ...kit.widgets import compact_button
+from ...kit import icons
+from ...kit.widgets import compact_button, tooltip_beside
 from ...saving.capture import unwritable
 from ..editing import Pointing, edit
 from ..tool import ToolContext
@@ -224,7 +225,7 @@ class CameraPathEditor:
         if ui.button("Orbit"):
             self.orbit(context)
         if ui.is_item_hovered():
-            ui.set_tooltip("A path once around the point in the middle of the view")
+            tooltip_beside(ui, "A path once around the point in the middle of the view")
         if path.keyframes:
             self._timeline(ui, context)
             self.change_title(context, self.titles.field(ui, context, context.document.path.title, True))
@@ -280,19 +281,19 @@ class CameraPathEditor:
             ("<", "earlier in the path", lambda: self.shift(context, -1)),
             (">", "later in the path", lambda: self.shift(context, 1)),
             ("update", "the keyframe becomes the present view", lambda: self.replace_view(context)),
-            ("x", "removes the keyframe (Delete)", lambda: self.delete(context)),
+            (icons.REMOVE, "removes the keyframe (Delete)", lambda: self.delete(context)),
         ):  # fmt: skip
             if label != "<":
                 ui.same_line()
             if compact_button(f"{label}##keyframe", context.theme):
                 act()
             if ui.is_item_hovered():
-                ui.set_tooltip(explained)
+                tooltip_beside(ui, explained)
         ui.set_next_item_width(-1)
         changed, stay = ui.drag_float("##stay", keys[number].stay, 0.05, 0.0, LONGEST_STAY, "stay here %.1f s",
                                       ui.SliderFlags_.always_clamp)
         if ui.is_item_hovered():
-            ui.set_tooltip("How long the camera stays at this keyframe; the film keeps its length")
+            tooltip_beside(ui, "How long the camera stays at this keyframe; the film keeps its length")
         if changed and isfinite(stay):
             self.change_stay(context, number, stay)
         ui.push_id(number)  # of another keyframe it is another field

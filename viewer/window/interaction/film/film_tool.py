@@ -19,7 +19,7 @@ from ....work.document import replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...kit import icons
 from ...kit.sliders import slider_float
-from ...kit.widgets import compact_button, compact_width
+from ...kit.widgets import compact_button, compact_width, section, tooltip_beside
 from ...kit.worker import Worker
 from ...planning.networks import missing_qualities
 from ...session.work import LARGEST_SHOT
@@ -46,7 +46,7 @@ RATES = (24.0, 25.0, 30.0, 60.0)
 
 
 class Film(Tool):
-    """Its panel has three parts: bookmarks, the path, the video."""
+    """Its panel has four parts: bookmarks, the path, the video, and the pictures that F12 saves."""
 
     name, label, icon, key = "film", "Film", icons.FILM, "K"
     help = "bookmarks, camera path with preview, titles, video and panorama"
@@ -163,38 +163,42 @@ class Film(Tool):
     def panel(self, ui: Any, context: ToolContext) -> None:
         if context.scene is None:
             return
-        work = context.session.work
-        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
-        work.shot_measured = ui.checkbox("with measurements", work.shot_measured)[1]
-        if ui.is_item_hovered():
-            ui.set_tooltip("F12 draws measurements over the picture; `render --like` draws it again without them")
-        work.shot_noted = ui.checkbox("with notes", work.shot_noted)[1]
-        if ui.is_item_hovered():
-            ui.set_tooltip("F12 draws notes over the picture; `render --like` draws it again without them")
-        work.shot_legend = ui.checkbox("with legend and scale", work.shot_legend)[1]
-        if ui.is_item_hovered():
-            ui.set_tooltip("F12 draws the legend of recoloured points, and the scale bar of an orthographic view;\n"
-                           "`render --like` draws the picture without them")
-        if ui.button("Folder of pictures…"):
-            context.saves.choose_folder()
-        if ui.is_item_hovered():
-            ui.set_tooltip(f"F12 and F9 save under new names in {context.saves.folder}")
         ui.set_next_item_width(-1)
         lens = context.session.flight.field_of_view
         changed, degrees = slider_float("##lens", lens, *LENSES, "field of view %.0f°")
         if changed and LENSES[0] <= degrees <= LENSES[1]:
             self.path.change_lens(context, float(degrees))
         self._bookmarks(ui, context)
-        ui.separator()
+        ui.separator_text("Camera path")
         self.path.panel(ui, context, self.size)
-        ui.separator()
+        ui.separator_text("Video")
         self._video(ui, context)
         ui.same_line()
         if ui.button("Publish…"):
             self.publishing.ask(context)
         if ui.is_item_hovered():
-            ui.set_tooltip("a folder that any browser opens by a double click: panoramas to walk through and to measure on")
+            tooltip_beside(ui, "a folder that any browser opens by a double click: panoramas to walk through and to measure on")
+        if section("Saved pictures (F12)", context.theme):
+            self._stills(ui, context)
         self.publishing.draw(ui, context)
+
+    def _stills(self, ui: Any, context: ToolContext) -> None:
+        work = context.session.work
+        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
+        work.shot_measured = ui.checkbox("with measurements", work.shot_measured)[1]
+        if ui.is_item_hovered():
+            tooltip_beside(ui, "F12 draws measurements over the picture; `render --like` draws it again without them")
+        work.shot_noted = ui.checkbox("with notes", work.shot_noted)[1]
+        if ui.is_item_hovered():
+            tooltip_beside(ui, "F12 draws notes over the picture; `render --like` draws it again without them")
+        work.shot_legend = ui.checkbox("with legend and scale", work.shot_legend)[1]
+        if ui.is_item_hovered():
+            tooltip_beside(ui, "F12 draws the legend of recoloured points, and the scale bar of an orthographic view;\n"
+                               "`render --like` draws the picture without them")
+        if ui.button("Folder of pictures…"):
+            context.saves.choose_folder()
+        if ui.is_item_hovered():
+            tooltip_beside(ui, f"F12 and F9 save under new names in {context.saves.folder}")
 
     def _bookmarks(self, ui: Any, context: ToolContext) -> None:
         if ui.button("Add bookmark"):
@@ -202,7 +206,7 @@ class Film(Tool):
         found = context.document.viewpoints
         for number, view in enumerate(found):
             ui.push_id(number)
-            ui.set_next_item_width(-compact_width(("go", "key", "x"), context.theme))
+            ui.set_next_item_width(-compact_width(("go", "key", icons.REMOVE), context.theme))
             changed, name = ui.input_text("##name", view.name)
             if changed:
                 self._rename(context, number, name)
@@ -213,9 +217,9 @@ class Film(Tool):
             if compact_button("key", context.theme):
                 self.path.add_keyframe(context, view)
             if ui.is_item_hovered():
-                ui.set_tooltip("append this view to the camera path")
+                tooltip_beside(ui, "append this view to the camera path")
             ui.same_line()
-            gone = compact_button("x", context.theme)
+            gone = compact_button(icons.REMOVE, context.theme)
             ui.pop_id()
             if gone:
                 self._delete(context, number)
@@ -248,7 +252,7 @@ class Film(Tool):
                 width, height = (min(max(side, SMALLEST_SIDE), LARGEST_SIDE) // 2 * 2 for side in sides)
                 self.size = width, height
             if ui.is_item_hovered():
-                ui.set_tooltip("any other size: width and height, pixels")
+                tooltip_beside(ui, "any other size: width and height, pixels")
         rate = _chosen(ui, "##fps", rates, RATES, path.fps)
         if rate != path.fps:
             edit(context, "Frames a second", path=replace(path, fps=rate))
@@ -263,7 +267,7 @@ class Film(Tool):
         if ui.button("Render video…"):
             self.ask(context)
         if ui.is_item_hovered():
-            ui.set_tooltip("as one MP4, or as a folder with one PNG a frame, which can be continued")
+            tooltip_beside(ui, "as one MP4, or as a folder with one PNG a frame, which can be continued")
         ui.end_disabled()
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from ...kit import theme
 from ...kit.theme import Theme, packed
+from ...kit.widgets import tooltip_beside
 
 HEIGHT = 34.0
 """Design units; a marker of MARKER and the line of seconds below it."""
@@ -72,7 +73,7 @@ class Timeline:
         draw.add_text((corner.x + margin, corner.y + 2 * size + style.px(6)), packed(theme.TEXT), text)
         ui.pop_font()
         if over is not None and not self._scrubs:
-            ui.set_tooltip(f"keyframe {over + 1}, passed after {passing[over]:.1f} s")
+            tooltip_beside(ui, f"keyframe {over + 1}, passed after {passing[over]:.1f} s")
         return event
 
     def _event(self, ui: Any, over: int | None, x: float, length: float, width: float, margin: float) -> TimelineEvent:

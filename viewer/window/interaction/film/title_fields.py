@@ -16,6 +16,7 @@ from ....work.document import LONGEST_TEXT, LONGEST_TITLE, CameraPath, FilmTitle
 from ....work.pictures.film_titles import TimedTitle, title_sheet
 from ...kit import theme
 from ...kit.theme import packed
+from ...kit.widgets import tooltip_beside
 from ..tool import ToolContext
 
 if TYPE_CHECKING:
@@ -49,18 +50,20 @@ class TitleFields:
                                                 ui.InputTextFlags_.word_wrap)
         active = ui.is_item_active()
         if ui.is_item_hovered() and not active:
-            ui.set_tooltip("over the beginning of the film; lines after the first are smaller" if opening
-                           else "at the lower left, from when the camera arrives at this keyframe")
+            tooltip_beside(ui, "over the beginning of the film; lines after the first are smaller" if opening
+                               else "at the lower left, from when the camera arrives at this keyframe")
         if not text and not active:
             low, pad = ui.get_item_rect_min(), ui.get_style().frame_padding
             ui.get_window_draw_list().add_text((low.x + pad.x, low.y + pad.y), packed(theme.DIM), f"{name}…")
         if changed and not ui.is_key_pressed(ui.Key.escape):  # Esc leaves the field; imgui would take back what was typed
             title = replace(title or FilmTitle("."), text=text[:LONGEST_TEXT]) if text.strip() else None
+        ui.set_next_item_width(-1)
+        ui.begin_disabled(title is None)  # drawn all the same: what follows would move while the first letter is typed
+        turned, seconds = ui.drag_float(f"##{name} seconds", (title or FilmTitle(".")).seconds, 0.05, 0.1, LONGEST_TITLE,
+                                        "shown %.1f s", ui.SliderFlags_.always_clamp)
+        ui.end_disabled()
         if title is None:
             return None
-        ui.set_next_item_width(-1)
-        turned, seconds = ui.drag_float(f"##{name} seconds", title.seconds, 0.05, 0.1, LONGEST_TITLE, "shown %.1f s",
-                                        ui.SliderFlags_.always_clamp)
         if turned and isfinite(seconds):
             title = replace(title, seconds=seconds)
         if letters := undrawable(title.text, title_fonts()):

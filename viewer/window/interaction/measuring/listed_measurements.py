@@ -13,6 +13,7 @@ from ....work.measuring.measurement import Measurement
 from ....work.measuring.values import components, evaluate
 from ...flight.navigation import view_along
 from ...kit import icons
+from ...kit.widgets import compact_button, compact_width, tooltip_beside
 from ..editing import edit, unit_of
 from ..outline import Group, Row
 from ..tool import Tool, ToolContext
@@ -49,15 +50,15 @@ def draw_list(ui: Any, context: ToolContext) -> None:
     for number, item in enumerate(found):
         ui.push_id(number)
         ui.separator()
-        ui.set_next_item_width(-40.0)
+        ui.set_next_item_width(-compact_width((icons.REMOVE,), context.theme))
         changed, name = ui.input_text("##name", item.name)
         if changed:
             edit(context, "Rename measurement", ("rename", number),
                  measurements=replaced(found, number, replace(item, name=name)))
         ui.same_line()
-        gone = ui.small_button("x")
+        gone = compact_button(icons.REMOVE, context.theme)
         if ui.is_item_hovered():
-            ui.set_tooltip("Delete this measurement")
+            tooltip_beside(ui, "Delete this measurement")
         ui.text_wrapped(value_text(item, unit))
         for about in filter(None, (fit_text(item, unit), volume_text(item, unit), silhouette_text(item))):
             ui.text_wrapped(about)
@@ -67,7 +68,7 @@ def draw_list(ui: Any, context: ToolContext) -> None:
                 context.files.save("profile", "Save the stations of the profile", "profile.csv", {"CSV table": (".csv",)},
                                    lambda path, item=item: _save_profile(context, path, item))
             if ui.is_item_hovered():
-                ui.set_tooltip("Saves station, height and number of points as CSV; the line is in Export… as DXF and GeoJSON")
+                tooltip_beside(ui, "Saves station, height and number of points as CSV; the line is in Export… as DXF, GeoJSON")
         if (parts := components(item)) is not None:
             ui.text_wrapped(components_text(parts, unit))
         if item.kind == "area":

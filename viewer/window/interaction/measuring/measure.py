@@ -19,6 +19,7 @@ from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurem
 from ....work.measuring.values import evaluate
 from ....work.places.pick import Picked
 from ...kit import icons
+from ...kit.widgets import tooltip_beside
 from ...saving.capture import name_kept
 from ..editing import Pointing, edit, facts_of, measured_point, step, unit_of
 from ..outline import Group
@@ -252,7 +253,7 @@ class Measure(Tool):
                 if ui.selectable(kind.name, self.kind == name)[0] and name != self.kind:
                     self._change_kind(name, context)
                 if ui.is_item_hovered():
-                    ui.set_tooltip(kind.what)
+                    tooltip_beside(ui, kind.what)
             ui.end_combo()
         if self.kind in COMPUTED:
             self._volumes.panel(ui, context, self.kind)
@@ -279,7 +280,7 @@ class Measure(Tool):
             context.files.save("measurements", "Export the measurements", "measurements.csv", ENDINGS,
                                lambda path: self.export(context, path))
         if ui.is_item_hovered():
-            ui.set_tooltip(f"As {', '.join(ENDINGS)}")
+            tooltip_beside(ui, f"As {', '.join(ENDINGS)}")
 
     def export(self, context: ToolContext, path: Path) -> None:
         """Writes all measurements to ``path``, in the file's units, when the points that are being read are there; says where,

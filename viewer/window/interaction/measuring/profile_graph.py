@@ -11,6 +11,7 @@ from .....model.common.files.atomic_write import write_atomic
 from ....common.errors import InputError
 from ....common.text import exact_text
 from ....work.measuring.measure_shapes import profile_line
+from ...kit.widgets import tooltip_beside
 
 if TYPE_CHECKING:
     from ....work.measuring.measurement import Measurement
@@ -43,7 +44,7 @@ def draw_profile(ui: Any, measurement: "Measurement", unit: str, scale: float) -
     if ui.is_item_hovered():
         k = int(np.abs(x - ui.get_mouse_pos().x).argmin())
         lines.add_line(ui.ImVec2(x[k], corner.y), ui.ImVec2(x[k], corner.y + tall), ink, 1.0)
-        ui.set_tooltip(f"at {stations[k]:.3f} {unit}: height {heights[k]:.3f} {unit}, {profile.counts[k]} points")
+        tooltip_beside(ui, f"at {stations[k]:.3f} {unit}: height {heights[k]:.3f} {unit}, {profile.counts[k]} points")
     ui.text_wrapped(f"heights {low:.3f} to {high:.3f} {unit}, strip {profile.width:.3f} {unit} wide")
 
 

@@ -16,6 +16,7 @@ from ....work.measuring.volume import Volume
 from ....work.scan_files import files_of
 from ....work.selection import Selection
 from ...kit.number_field import number_input
+from ...kit.widgets import tooltip_beside
 from ...kit.worker import Worker
 from ...session.two_dates import dates_of
 from ..editing import drawn_points, unit_of
@@ -123,7 +124,7 @@ class Volumes:
             if changed:
                 self.width = width if width > 0 else None
             if ui.is_item_hovered():
-                ui.set_tooltip("Width of the strip along the line whose points are taken; 0: from the spacing of the points")
+                tooltip_beside(ui, "Width of the strip along the line whose points are taken; 0: from the points' spacing")
             return
         ui.set_next_item_width(-1)
         if ui.begin_combo("##base", f"Base {self.base}"):
@@ -131,11 +132,11 @@ class Volumes:
                 if ui.selectable(name, self.base == name)[0]:
                     self.base = name
                 if ui.is_item_hovered():
-                    ui.set_tooltip(what)
+                    tooltip_beside(ui, what)
             ui.end_combo()
         if self.base == TYPED:
             ui.set_next_item_width(-1)
             changed, height = number_input(ui, "##height", self.height or 0.0, f"%.3f {unit_of(context)}")
             self.height = height if changed else self.height
             if ui.is_item_hovered():
-                ui.set_tooltip("Height of the base along the up axis; until one is typed, that of the first corner")
+                tooltip_beside(ui, "Height of the base along the up axis; until one is typed, that of the first corner")

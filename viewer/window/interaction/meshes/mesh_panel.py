@@ -10,7 +10,7 @@ from ....picture.meshes.mesh_layer import MESH_UP_AXES, MeshLayer
 from ....readers.meshes.mesh_data import PLAIN, MeshData
 from ....work.meshes.laid_meshes import apart, assumed, bounds_of
 from ...kit.theme import fitted
-from ...kit.widgets import work_rows
+from ...kit.widgets import tooltip_beside, work_rows
 from ...kit.worker import Worker
 from ..editing import unit_of
 from ..registering.move_fields import Moving, move_fields, moved_rows, number_field
@@ -42,10 +42,12 @@ def draw_panel(ui: Any, tool: Laying, context: ToolContext) -> None:
     if ui.button("Add meshes…"):
         tool.ask(context)
     if ui.is_item_hovered():
-        ui.set_tooltip("glTF, OBJ, STL, PLY or IFC files, laid beside the scan; or drop them on the picture")
+        tooltip_beside(ui, "glTF, OBJ, STL, PLY or IFC files, laid beside the scan; or drop them on the picture")
     if tool.loads.worker is not None:
         work_rows(ui, tool.loads.worker)
     meshes = context.document.meshes
+    if not meshes and tool.loads.worker is None:
+        ui.text_wrapped("Models beside the points, drawn, clipped and measured like them: glTF, OBJ, STL, PLY, IFC.")
     for number, layer in enumerate(meshes):
         ui.push_id(number)
         if ui.selectable(fitted(layer.name, ui.get_content_region_avail().x), number == tool.chosen)[0]:
@@ -108,7 +110,7 @@ def _axes(ui: Any, tool: Laying, layer: MeshLayer, number: int, context: ToolCon
             tool.change(context, number, f"Turn {layer.name}", up=axis)
     changed, value = number_field(ui, "scale", layer.scale, "%.6g")
     if ui.is_item_hovered():
-        ui.set_tooltip(f"{unit_of(context)} in a unit of the file")
+        tooltip_beside(ui, f"{unit_of(context)} in a unit of the file")
     if changed and 1e-9 <= value <= 1e9:
         tool.change(context, number, f"Scale {layer.name}", ("mesh scale", number), scale=value)
 

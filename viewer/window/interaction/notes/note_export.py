@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ....commands.report.report_job import ENDINGS, ReportJob
 from ....commands.report.report_pdf import Wording
+from ...kit.widgets import tooltip_beside
 from ...kit.worker import Worker
 from ...saving.capture import name_kept
 from ..editing import end, ended
@@ -33,7 +34,7 @@ class NoteExport:
         if ui.button("Report…"):
             self.ask(context)
         if ui.is_item_hovered():
-            ui.set_tooltip(f"Saves viewpoints, notes and measurements as {', '.join(ENDINGS)}")
+            tooltip_beside(ui, f"Saves viewpoints, notes and measurements as {', '.join(ENDINGS)}")
 
     def ask(self, context: "ToolContext") -> None:
         """Asks where the file is to be saved, and begins."""

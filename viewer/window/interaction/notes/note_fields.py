@@ -11,7 +11,7 @@ from ....work.notes.annotation import PICTURE_ENDINGS, STATUSES, Annotation, is_
 from ....work.notes.attached_picture import attached_bytes, attached_picture
 from ....work.notes.shared_pictures import remember_attached
 from ...kit.theme import OVERLAY_COLOURS, fitted, packed
-from ...kit.widgets import compact_button
+from ...kit.widgets import compact_button, tooltip_beside
 from ...kit.worker import Worker
 from ..editing import end
 from ..stations.picture_viewer import PictureViewer, Viewed
@@ -111,7 +111,7 @@ class NoteFields:
         if ui.button("Fly to it"):
             tool.fly_to(context, number)
         if ui.is_item_hovered():
-            ui.set_tooltip("To where it was written")
+            tooltip_beside(ui, "To where it was written")
         ui.end_disabled()
         ui.same_line()
         if ui.button("Delete note"):
@@ -127,7 +127,7 @@ class NoteFields:
                     tool.change(context, number, "Status of a note", status=key)
             ui.end_combo()
         if ui.is_item_hovered():
-            ui.set_tooltip("What has become of it; the colour of its marker")
+            tooltip_beside(ui, "What has become of it; the colour of its marker")
 
     def _link(self, ui: Any, context: ToolContext, tool: NoteActions, number: int) -> None:
         note = context.document.annotations[number]
@@ -141,7 +141,7 @@ class NoteFields:
             if compact_button("Open", context.theme):
                 webbrowser.open(note.link)
             if ui.is_item_hovered():
-                ui.set_tooltip(f"Open {note.link} in the browser")
+                tooltip_beside(ui, f"Open {note.link} in the browser")
         elif note.link and not ui.is_item_active():
             ui.text_wrapped("A link begins with https:// or http://")
 
@@ -159,7 +159,7 @@ class NoteFields:
             scale = min(ui.get_content_region_avail().x / columns, 1.0)
             ui.image(ui.ImTextureRef(self._texture.glo), (columns * scale, rows * scale))
             if ui.is_item_hovered():
-                ui.set_tooltip("Click: look at it over the view")
+                tooltip_beside(ui, "Click: look at it over the view")
             if ui.is_item_clicked():
                 self.look(context, note.picture)
         else:

@@ -15,6 +15,7 @@ from ....work.places.pick import Picked
 from ....work.viewpoint import Viewpoint
 from ...kit import icons
 from ...kit.theme import fitted
+from ...kit.widgets import tooltip_beside
 from ..editing import RADIUS, Pointing, edit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
@@ -172,7 +173,7 @@ class Notes(Tool):
             if ui.selectable(fitted(note.title(number), ui.get_content_region_avail().x), number == self.chosen)[0]:
                 self.choose(None if number == self.chosen else number)
             if ui.is_item_hovered() and note.text:
-                ui.set_tooltip(note.beginning)
+                tooltip_beside(ui, note.beginning)
             ui.pop_id()
         if self.chosen is not None and self.chosen < len(notes):
             ui.separator()

@@ -9,8 +9,9 @@ from ....common.text import counted, printable
 from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.registration.point_pairs import LEAST, PairFit
 from ....work.scan_files import FilePart
+from ...kit import icons
 from ...kit.theme import fitted
-from ...kit.widgets import work_rows
+from ...kit.widgets import compact_button, tooltip_beside, work_rows
 from ...kit.worker import Worker
 from ..editing import unit_of
 from ..tool import ToolContext
@@ -93,10 +94,11 @@ def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
     found = pairs.fit()
     for number in range(pairs.count):
         ui.push_id(number)
-        gone = ui.small_button("x")
+        gone = compact_button(icons.REMOVE, context.theme)
         if ui.is_item_hovered():
-            ui.set_tooltip("Take this pair away")
+            tooltip_beside(ui, "Take this pair away")
         ui.same_line()
+        ui.align_text_to_frame_padding()
         off = f"off by {found.residuals[number]:.3g} {unit}" if isinstance(found, PairFit) else ""
         ui.text_unformatted(f"pair {number + 1}  {off}")
         ui.pop_id()
@@ -115,7 +117,7 @@ def _pairs(ui: Any, tool: Aligning, context: ToolContext) -> None:
     if ui.button("Refine (ICP)"):
         tool.refine(context)
     if ui.is_item_hovered():
-        ui.set_tooltip("Compares the surfaces of both scans, from where the pairs lead, else from where the scan is")
+        tooltip_beside(ui, "Compares the surfaces of both scans, from where the pairs lead, else from where the scan is")
 
 
 def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
@@ -128,13 +130,13 @@ def _numbers(ui: Any, tool: Aligning, context: ToolContext) -> None:
         tool.levelling = not tool.levelling
         tool.line.clear()
     if ui.is_item_hovered():
-        ui.set_tooltip("A click on its floor fits a plane there and makes it horizontal")
+        tooltip_beside(ui, "A click on its floor fits a plane there and makes it horizontal")
     if ui.button("Cancel bearing" if tool.line.asks or tool.line.places else "Bearing…"):
         tool.levelling = False
         tool.line.toggle()
     if ui.is_item_hovered():
-        ui.set_tooltip("Click the two ends of a line on the scan, as a wall or towards north,\n"
-                       "and type its bearing: degrees clockwise from the y axis (0 north, 90 east)")
+        tooltip_beside(ui, "Click the two ends of a line on the scan, as a wall or towards north,\n"
+                           "and type its bearing: degrees clockwise from the y axis (0 north, 90 east)")
     if tool.line.complete:
         changed, value = number_field(ui, "bearing", tool.line.bearing, "%.4f°")
         if changed and isfinite(value):

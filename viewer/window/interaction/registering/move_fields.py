@@ -6,6 +6,7 @@ import numpy as np
 
 from ....common.rigid_transform import IDENTITY, Rows, motion_text
 from ...kit.number_field import number_input
+from ...kit.widgets import tooltip_beside
 from ..editing import unit_of
 from ..tool import ToolContext
 
@@ -48,7 +49,7 @@ def moved_rows(ui: Any, tool: Moving, transform: Rows, context: ToolContext) -> 
     if ui.button("Put back"):
         tool.put_back(context)
     if ui.is_item_hovered():
-        ui.set_tooltip("To where its file has it")
+        tooltip_beside(ui, "To where its file has it")
     return True
 
 

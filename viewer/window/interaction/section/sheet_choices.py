@@ -13,6 +13,7 @@ from ....picture.meshes.mesh_layer import MeshLayer
 from ....work.measuring.measurement import Measurement
 from ....work.selection import Selection
 from ....work.sheets.paper_layout import SIZES
+from ...kit.widgets import tooltip_beside
 from ...saving.capture import name_kept
 from .sheet_preview import preview_dpi
 
@@ -57,10 +58,10 @@ class SheetChoices:
             ui.end_combo()
         self.lines = ui.checkbox("trace lines", self.lines)[1]
         if ui.is_item_hovered():
-            ui.set_tooltip("draws a line along walls that are cut; open where nothing was measured")
+            tooltip_beside(ui, "draws a line along walls that are cut; open where nothing was measured")
         self.dimensions = ui.checkbox("dimensions", self.dimensions)[1]
         if ui.is_item_hovered():
-            ui.set_tooltip("draws the measured lengths and diameters that lie in the cut")
+            tooltip_beside(ui, "draws the measured lengths and diameters that lie in the cut")
         for name in ("title", "author") if self.paper else ():
             ui.set_next_item_width(-1)
             setattr(self, name, ui.input_text_with_hint(f"##{name}", name, getattr(self, name))[1])

@@ -12,6 +12,7 @@ import numpy as np
 from ....common.text import counted
 from ....picture.edits import GHOSTS
 from ....work.ghosts import with_ghosts
+from ...kit.widgets import tooltip_beside
 from ...kit.worker import BESIDE, Worker
 from ..editing import edit, end, ended
 from ..tool import ToolContext
@@ -75,7 +76,7 @@ class GhostsPanel:
             ui.end_combo()
         ui.end_disabled()
         if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
-            ui.set_tooltip(EXPLAINED)
+            tooltip_beside(ui, EXPLAINED)
         if known < 2:
             ui.text_wrapped("Two stations with known positions are needed to tell passers-by.")
         elif self.search is not None:

@@ -16,8 +16,9 @@ from ....readers.e57.e57_pictures import StoredPicture
 from ....readers.photographs.placed_photographs import posed
 from ....readers.photographs.posed_photograph import PosedPhotograph
 from ....work.pictures.photo_folder import PHOTO_ENDINGS
+from ...kit import icons
 from ...kit.theme import fitted
-from ...kit.widgets import compact_button
+from ...kit.widgets import compact_button, tooltip_beside
 from ...kit.worker import Worker
 from ..editing import edit, end, ended
 from ..tool import ToolContext
@@ -99,9 +100,9 @@ class PhotoPlacer:
                              (max(ui.get_content_region_avail().x - 40, 1), 0))[0]:  # fmt: skip
                 self.show(context, placed)
             if ui.is_item_hovered():
-                ui.set_tooltip(f"{told(placed, placed.name)}. A click shows it in its place")
+                tooltip_beside(ui, f"{told(placed, placed.name)}. A click shows it in its place")
             ui.same_line()
-            if compact_button("x", context.theme):
+            if compact_button(icons.REMOVE, context.theme):
                 kept = tuple(one for one in context.document.photographs if one is not placed)
                 edit(context, f"Remove the pose of {placed.name}", photographs=kept)
             ui.pop_id()
@@ -114,7 +115,7 @@ class PhotoPlacer:
             self.add(context)
         ui.end_disabled()
         if ui.is_item_hovered():
-            ui.set_tooltip(f"JPEG or PNG: {EXPLAINED}")
+            tooltip_beside(ui, f"JPEG or PNG: {EXPLAINED}")
         for line in self.said:
             ui.text_wrapped(line)
 

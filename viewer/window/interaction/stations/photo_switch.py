@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+from ...kit.widgets import tooltip_beside
 from ..tool import ToolContext
 
 
@@ -13,7 +14,7 @@ def coloured_surfaces(ui: Any, context: ToolContext) -> None:
     if changed:
         chosen.request(replace(chosen.shown_settings, photos="auto" if on else "off"))
     if ui.is_item_hovered():
-        ui.set_tooltip("in the filled and neural views, where photographs are finer than the points")
+        tooltip_beside(ui, "in the filled and neural views, where photographs are finer than the points")
 
 
 def about_view(context: ToolContext) -> str:

@@ -14,7 +14,7 @@ from ....common.errors import PointglassError
 from ....common.file_names import safe_name
 from ....readers.e57.e57_pictures import StoredPicture, picture_file, picture_of
 from ...kit.theme import fitted
-from ...kit.widgets import compact_button
+from ...kit.widgets import compact_button, tooltip_beside
 from ...kit.worker import Worker
 from ...saving.capture import write_beside
 from ..editing import end
@@ -154,7 +154,7 @@ class PictureViewer:
             if compact_button(label, context.theme):
                 act()
             if ui.is_item_hovered():
-                ui.set_tooltip(tip)
+                tooltip_beside(ui, tip)
         if self.viewed is None:
             return
         ui.same_line()

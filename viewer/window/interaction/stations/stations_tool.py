@@ -21,6 +21,7 @@ from ....work.places.pick import station_name
 from ...kit import icons
 from ...kit.sliders import slider_float
 from ...kit.theme import fitted
+from ...kit.widgets import tooltip_beside
 from ...kit.worker import Worker
 from ..editing import edit, metres_per_unit
 from ..outline import Group, Row
@@ -230,7 +231,7 @@ class Stations(Tool):
             ui.push_id(number)
             changed, on = ui.checkbox("##visible", number not in context.document.hidden_stations)
             if ui.is_item_hovered():
-                ui.set_tooltip("show these points")
+                tooltip_beside(ui, "show these points")
             if changed:
                 show_station(context, number, name, on)
             ui.same_line()
@@ -241,9 +242,9 @@ class Stations(Tool):
             elif ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
                 stand_at(context, place)
             if ui.is_item_hovered():
-                ui.set_tooltip(f"{name}: position "
-                               + ("unknown" if place is None else "inferred from the order of the points" if inferred
-                                  else "as the file says"))
+                tooltip_beside(ui, f"{name}: position "
+                                   + ("unknown" if place is None else "inferred from the order of the points" if inferred
+                                      else "as the file says"))
             ui.pop_id()
         self._photographs(ui, context)
         ui.separator()
@@ -304,7 +305,7 @@ class Stations(Tool):
                     self.viewer.open(context, of_scan(picture))
             if ui.is_item_hovered():
                 where = "" if picture.placed else "; the file does not say where it was taken"
-                ui.set_tooltip(f"{picture.name}: look at it{where}")
+                tooltip_beside(ui, f"{picture.name}: look at it{where}")
             ui.pop_id()
         self.viewer.draw(ui, context)
         viewed = self.viewer.viewed.key if self.viewer.viewed is not None else None
