@@ -172,6 +172,7 @@ def draw_toasts(session: Session, style: Theme, legend: Area | None = None) -> N
         lines.append("Loading the network…")
     for number, text in enumerate(reversed(lines)):
         imgui.set_next_window_pos(ImVec2(left + width / 2, bottom), 0, ImVec2(0.5, 1.0))
+        imgui.set_next_window_bg_alpha(1.0)  # over labels
         imgui.begin(f"toast{number}", None, PASSIVE)
         imgui.push_text_wrap_pos(min(px(640), 0.8 * width))
         imgui.text_unformatted(text)
