@@ -42,7 +42,10 @@ def test_pairs_and_surfaces_bring_a_scan_to_its_place_and_the_project_shows_it_t
     out = tmp_path / "p.pointglass"
     assert cli.main(["align", str(moving), str(fixed), "--pairs", str(pairs), "--out", str(out)]) == 0
     text = capsys.readouterr().out
-    assert "4 pairs, rms 0." in text and re.search(r"\d+ % of moving.ply overlap", text) and "(95 %" in text
+    written = re.search(r"4 pairs, rms (\S+), residuals (.*)", text)
+    assert written is not None
+    assert float(written[1]) == pytest.approx(np.sqrt(np.mean(np.square([*map(float, written[2].split(", "))]))), rel=1e-3)
+    assert re.search(r"\d+ % of moving.ply overlap", text) and "(95 %" in text
     document = read_project(out)
     found = document.scans[0].transform
     assert found is not None and document.scans[1].transform is None

@@ -24,7 +24,7 @@ _UNITS = 1.5
 @dataclass(frozen=True, eq=False)
 class PairFit:
     """transform: from the moving to the fixed scan.  residuals: (n,) distance between the points of each pair after it.
-    rms: of the residuals, made larger for the six values that the fit takes from them: sqrt(3 sum / (3 n - 6))."""
+    rms: their root mean square.  A clicked point is less certain than that: the fit takes six values from 3 n coordinates."""
 
     transform: Rows
     residuals: np.ndarray
@@ -63,8 +63,7 @@ def fit_pairs(moving: np.ndarray, fixed: np.ndarray) -> PairFit:
     rotation = _rotation(first, second)
     transform = rigid(rotation, middles[1] - rotation @ middles[0])
     residuals = np.linalg.norm(first @ rotation.T - second, axis=1)  # of small numbers: map coordinates cost digits
-    free = 3 * len(moving) - 6
-    return PairFit(transform, residuals, float(np.sqrt(3.0 * (residuals**2).sum() / free)))
+    return PairFit(transform, residuals, float(np.sqrt((residuals**2).mean())))
 
 
 def _rotation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
