@@ -15,7 +15,9 @@ from ..session.session import Session
 SIDE, RIGHT, TOP = 92.0, 62.0, 10.0
 """Design units: of the square that holds the cube, from the right edge past the buttons of the corner, and from the top."""
 _NARROW = 560.0
-"""Design units: width of the picture below which the cube would lie on the view switch."""
+"""Design units: width of the picture below which there is no room for the cube."""
+_BESIDE, _BELOW = 700.0, 56.0
+"""Design units: width of the picture below which the cube would lie on the view switch, and how far from the top it is then."""
 _REACH = 1.78
 """Half the square in half sides of the cube, whose corners reach to the square root of three."""
 _LABELLED = 0.65
@@ -30,7 +32,7 @@ def draw_view_cube(session: Session, actions: Actions, style: Theme) -> None:
     if area.width < px(_NARROW):
         return
     side = px(SIDE)
-    left, top = area.right - px(RIGHT) - side, area.top + px(TOP)
+    left, top = area.right - px(RIGHT) - side, area.top + px(TOP if area.width >= px(_BESIDE) else _BELOW)
     imgui.set_next_window_pos(ImVec2(left, top))
     imgui.set_next_window_size(ImVec2(side, side))
     imgui.set_next_window_bg_alpha(0.0)
