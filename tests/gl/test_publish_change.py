@@ -67,6 +67,16 @@ def test_the_page_shows_the_legend_beside_the_handle(published, tmp_path):
         assert page.value("document.getElementById('compare').title").endswith("after.xyz compared with before.xyz (V)")
         box = "document.getElementById('%s').getBoundingClientRect()"
         assert page.value(f"{box % 'change'}.left > {box % 'plan'}.right"), "the plan is not covered"
+        for width, height in ((360, 640), (640, 360)):  # on a phone nothing covers anything either
+            page.resize(width, height)
+            page.until(f"innerWidth === {width} && window.pointglass.panorama.canvas.clientWidth === {width}")
+            boxes = np.array(page.value("['header', '#change', '#handle b:last-child', '#tools'].map((name) => {"
+                                        "const box = document.querySelector(name).getBoundingClientRect();"
+                                        "return [box.left, box.right, box.top, box.bottom]; })"))
+            assert boxes[:, 0].min() >= 0 and boxes[:, 1].max() <= width and boxes[:, 3].max() <= height, boxes
+            for number, (left, right, top, bottom) in enumerate(boxes):
+                for a, b, c, d in boxes[:number]:
+                    assert right <= a or b <= left or bottom <= c or d <= top, f"{number} covers another one: {boxes}"
         page.key("v")
         page.until(f"{legend}.hidden")
         assert not page.complaints
