@@ -165,8 +165,8 @@ def _is_in(scene: "Scene", file: Path) -> bool:
 
 
 def _part_of(paths: tuple[Path, ...], scene: "Scene") -> Loaded:
-    """A scene of what of a scan was read for the view."""
-    return Loaded(scene, survey(scene), paths, preview=True, follows_preview=True)
+    """A scene of what of a scan was read for the view, at which the camera stays."""
+    return Loaded(scene, survey(scene), paths, preview=True, same_work=True)
 
 
 class ScanLoads:
