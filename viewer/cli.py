@@ -249,6 +249,9 @@ def _run_logged(options: argparse.Namespace) -> int:
             sys.stdout.flush()
         return code
     except (Exception, KeyboardInterrupt) as error:
+        from .readers.remote.local_copies import name_by_address
+
+        name_by_address(error)
         if (code := report(error)) is None:
             raise
         return code

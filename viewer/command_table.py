@@ -113,8 +113,8 @@ def _info_options(parser: argparse.ArgumentParser) -> None:
 
 def _convert_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scans", nargs="+", type=Path, metavar="SCAN",
-                        help=f"{KNOWN_FILES} files or {KNOWN_FOLDERS} folders; several become one grid, with --each one grid "
-                             "each")
+                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, or https:// and s3:// addresses of these; several "
+                             "become one grid, with --each one grid each")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help="a new or empty folder for the grid; pointglass opens it like a scan")
     parser.add_argument("--each", action="store_true",

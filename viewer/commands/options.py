@@ -157,8 +157,8 @@ def memory_of(options: argparse.Namespace) -> Memory:
 def add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
     """The scans and how to open them.  least: "+" one scan or more, "*" any number."""
     parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
-                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, or a folder made by `convert`; several are "
-                             "opened as one scene")
+                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, https:// and s3:// addresses of these, or a "
+                             "folder made by `convert`; several are opened as one scene")
     parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and do not keep it in the cache")
     add_columns(parser)
 

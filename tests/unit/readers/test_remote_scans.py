@@ -161,3 +161,19 @@ def test_a_project_keeps_the_address_without_its_signature(tmp_path):
 def test_what_cannot_be_read_from_an_address_is_said_at_once(capsys, address):
     assert main(["info", address]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_what_is_no_scan_is_named_by_its_address(tmp_path, capsys):
+    pages = {"page.laz": b"<!DOCTYPE html><html>Please log in", "cut.laz": scan(tmp_path)[:3000], "odd.laz": b"no scan" * 99}
+    words = {"page.laz": "a web page", "cut.laz": "truncated", "odd.laz": "does not begin like one"}
+    with served(pages) as server:
+        for whole_only in (False, True):
+            server.whole_only = whole_only
+            for name, word in words.items():
+                assert main(["convert", f"{server.address}/{name}", "--out", str(tmp_path / "grid")]) == 2
+                line = capsys.readouterr().err.splitlines()[-1]
+                assert f"{server.address}/{name}: " in line and word in line and "cache" not in line
+        server.whole_only, server.cuts = False, 99
+        assert main(["info", f"{server.address}/odd.laz?{SECRET}"]) == 2
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1 and "breaks off" in line and "1f2e3d" not in line

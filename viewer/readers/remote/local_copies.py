@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from ...common.errors import PointglassError
 from .address import address_in
 
 
@@ -32,6 +33,14 @@ def shown_source(path: str) -> str:
         return str(octree["address"])
     state = read_state(file.parent) if (file.parent / "blocks").is_file() else None
     return str(state["address"]) if state and state.get("name") == file.name else path
+
+
+def name_by_address(error: BaseException) -> None:
+    """An error about the copy of a file at an address names the address from now on."""
+    file = error.file if isinstance(error, PointglassError) else None
+    if isinstance(error, PointglassError) and file is not None and "remote" in Path(file).parts:
+        error.file = shown_source(str(file))
+        error.args = (error.words(), *error.args[1:])
 
 
 def local_files(paths: Iterable[Path], *, fetch: bool, said: list[str] | None = None) -> list[Path]:

@@ -18,6 +18,7 @@ from ...common.errors import InputError
 from .address import Address, beside
 
 _ATTEMPTS = 5
+_BROKEN = "the connection breaks off again and again"
 _FIRST_PAUSE = 0.3
 """Seconds before a request is repeated; twice as long each time, so that about five seconds of a lost network are bridged."""
 _KNOWN_CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
@@ -30,6 +31,8 @@ _REASONS = {
     r"status code: (\d{3}(?: [A-Z][A-Za-z-]*)*)": r"the server answers \1",
     r"kind: Timeout|timed ?out": "no answer in time",
     "body error|IncompleteMessage|connection ?reset": "cut in the middle",
+    r"Requested (\S+), got (\S+)": r"of bytes \1 it gave \2: lengths that contradict each other",
+    "Content-Length Header missing": "the server does not say how long the file is",
     "tcp connect error|network ?unreachable": "the server cannot be reached",
 }
 """What obstore says, as a pattern, and in words for a person; the first that fits."""
@@ -73,16 +76,33 @@ class RemoteObject:
         self.address, self.ranges, self._lacking = address, True, lacking
         self._store, self._place = opened or _store_of(address)
         try:
-            answer = self._asked(0, first)
-            self.head = bytes(answer.bytes())
+            answer, self.head = self._begun(first)
         except _NoRanges:
             answer = self._get(None)
             self.head, self.ranges = b"", False
+        self._refuse_page(self.head)
         self.size = int(answer.meta["size"])
         self.modified = answer.meta["last_modified"].timestamp()
         self.tag = answer.meta["e_tag"] or f"{self.modified:.0f}"
         if self.size == 0:
             raise self._error("the file is empty (0 bytes)", "copy or export it again")
+
+    def _begun(self, first: int) -> tuple[Any, bytes]:
+        """The answer to the request for the first bytes, at most ``first``, and these."""
+        why = ""
+        for attempt in range(_ATTEMPTS):
+            answer = self._asked(0, first)
+            try:
+                return answer, bytes(answer.bytes())
+            except Exception as error:  # cut in the middle, on which obstore gives up
+                why = str(error)
+            _pause(attempt)
+        raise self._error(f"{_BROKEN} ({_short(why)})", "try again later")
+
+    def _refuse_page(self, begin: bytes) -> None:
+        """Raises InputError where a file that begins so is a web page: of a login, or one that shows the file."""
+        if begin[:64].lstrip().lower().startswith((b"<!doctype html", b"<html")):
+            raise self._error("a web page, no scan", "give the address of the file itself; behind a login, a signed link")
 
     def read(self, first: int, last: int) -> bytes:
         """The bytes ``first`` to ``last``, that one left out.  Raises ChangedFileError; InputError as the constructor."""
@@ -106,13 +126,16 @@ class RemoteObject:
                     return data
                 why = f"{len(data)} of {last - first} bytes came"
             _pause(attempt)
-        raise self._error(f"the connection breaks off again and again ({_short(why)})", "try again later")
+        raise self._error(f"{_BROKEN} ({_short(why)})", "try again later")
 
     def pieces(self, length: int) -> Iterator[bytes]:
         """The whole file from its beginning, in pieces of about ``length`` bytes, in one request."""
-        answer = self._get(None)
+        answer, first = self._get(None), True
         try:
             for piece in answer.stream(min_chunk_size=length):
+                if first:
+                    self._refuse_page(bytes(piece[:64]))
+                first = False
                 yield bytes(piece)
         except InputError:
             raise
@@ -149,7 +172,7 @@ class RemoteObject:
 
     def _allowed(self) -> str:
         if self.address.scheme == "s3":
-            return "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION of somebody who may read it"
+            return "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION of somebody who may read it (~/.aws is not read)"
         return "a signed link may have expired: ask for a new one" if self.address.query else "ask its owner for a link"
 
     def _error(self, why: str, remedy: str) -> InputError:

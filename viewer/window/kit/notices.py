@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ...common.errors import Option, PointglassError
 from ...common.text import printable
+from ...readers.remote.local_copies import name_by_address
 
 Problem = str | Exception
 """What went wrong: a sentence, or an error, which is put into the window's words when it is shown."""
@@ -28,7 +29,10 @@ def _window_option(option: Option) -> str:
 
 def in_window(problem: Problem) -> str:
     """What went wrong and what to do, in the words of the window rather than of the command line."""
-    return printable(problem.words(_window_option)) if isinstance(problem, PointglassError) else str(problem)
+    if not isinstance(problem, PointglassError):
+        return str(problem)
+    name_by_address(problem)
+    return printable(problem.words(_window_option))
 
 
 @dataclass(frozen=True)
