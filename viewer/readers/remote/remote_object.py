@@ -172,7 +172,7 @@ class RemoteObject:
 
     def _allowed(self) -> str:
         if self.address.scheme == "s3":
-            return "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION of somebody who may read it (~/.aws is not read)"
+            return "set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION of one who may read it (~/.aws is not read)"
         return "a signed link may have expired: ask for a new one" if self.address.query else "ask its owner for a link"
 
     def _error(self, why: str, remedy: str) -> InputError:
