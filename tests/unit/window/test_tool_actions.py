@@ -21,6 +21,7 @@ from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent
 from pointglass.viewer.window.session import exact_points
 from pointglass.viewer.window.session.work import DocumentState
 from pointglass.viewer.work.document import Document, ScanFile
+from pointglass.viewer.work.measuring.measure_text import text_of
 from pointglass.viewer.work.measuring.values import evaluate
 from pointglass.viewer.work.project import places_in, write_project
 
@@ -110,6 +111,37 @@ def test_the_point_that_was_set_last_is_not_set_again(context):
     click(tool, context, (3.0, 5.0, 2.0))
     (made,) = context.document.measurements
     assert evaluate(made).value == pytest.approx(np.sqrt(5), abs=0.01)
+
+
+class Drawn:
+    """Keeps the labels that are drawn over a picture."""
+
+    def __init__(self):
+        self.labels = []
+
+    def label(self, _, text):
+        self.labels.append(text)
+
+    def __getattr__(self, _):
+        return lambda *_, **__: None
+
+
+def test_a_length_is_written_from_the_next_measured_point_on_with_the_digits_that_it_will_have(context):
+    tool, work, drawn = Measure(), context.session.work, Drawn()
+    work.exact_points = SimpleNamespace(of=lambda _, picked, __: replace(picked, position=(1.0001, 5.0, 1.0001)))  # the file's
+    click(tool, context, (1.0, 5.0, 1.0))
+    near = tool._pointing.at(context, tuple(context.camera.project([(1.0, 5.0, 1.0)])[0][0]))
+    for work.under_pointer in (near, replace(near, position=tool.points[0].position)):
+        tool.draw(drawn, context)
+    assert drawn.labels == []
+    for along in (0.01, 2.0):
+        work.under_pointer = replace(near, index=near.index + 1, position=(1.0 + along, 5.0, 1.0))
+        tool.draw(drawn, context)
+    assert [len(label.split(".")[1]) for label in drawn.labels] == [len("123 m")] * 2
+    work.exact_points = SimpleNamespace(of=lambda _, picked, __: picked)
+    click(tool, context, (3.0, 5.0, 1.0))
+    (made,) = context.document.measurements
+    assert text_of(evaluate(made), "m").startswith(drawn.labels[1].split()[0][:5])
 
 
 def fitted(tool, context) -> None:

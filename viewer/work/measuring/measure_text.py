@@ -36,12 +36,12 @@ def unit_text(power: int | None, unit: str) -> str:
     return {0: "°", 1: unit, 2: f"{unit}²", 3: f"{unit}³", None: unit}[power]
 
 
-def text_of(result: Result, unit: str) -> str:
+def text_of(result: Result, unit: str, *, stated: bool = True) -> str:
     """``3.998 ± 0.006 m``: as many digits as the uncertainty supports, at least three significant ones of the value.  Of a
-    place ``x 3.998, y 1.203, z 0.004 ± 0.006 m``."""
+    place ``x 3.998, y 1.203, z 0.004 ± 0.006 m``.  stated: whether the uncertainty is written."""
     digits = decimals_of(result)
     gap = "" if result.power == 0 else " "
-    known = f" ± {result.uncertainty:.{digits}f}" if result.uncertainty > 0 else ""
+    known = f" ± {result.uncertainty:.{digits}f}" if stated and result.uncertainty > 0 else ""
     value = f"{result.value:.{digits}f}"
     if result.place is not None:
         value = ", ".join(f"{axis} {along:.{digits}f}" for axis, along in zip("xyz", result.place, strict=True))

@@ -5,13 +5,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....work.measuring.measure_shapes import Line, Ring, shapes_of, shapes_of_fits
-from ....work.measuring.measure_text import labels_of
-from ....work.measuring.measurement import MeasuredPoint, Measurement
+from ....work.measuring.measure_text import labels_of, text_of
+from ....work.measuring.measurement import KINDS, MeasuredPoint, Measurement
+from ....work.measuring.values import evaluate
 from ..editing import unit_of
 from ..tool import Overlay, ToolContext
 
 if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
+
+COMPUTED = {"volume": "area", "profile": "distance"}
+"""Kinds that are found on a thread, and what is drawn of each until then."""
 
 
 def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, colour: str) -> np.ndarray:
@@ -28,8 +32,15 @@ def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, colour:
     return shapes.label
 
 
-def draw_begun(overlay: "OverlayCanvas", points: list[MeasuredPoint], colour: str) -> None:
-    """The points of a measurement that is not ended, what is fitted at them, and a line through them where nothing is."""
+def draw_begun(overlay: "OverlayCanvas", kind: str, points: list[MeasuredPoint], context: ToolContext) -> None:
+    """A measurement that is not ended: its value where the points have one, else the points, what is fitted at them, and a line
+    through them where nothing is."""
+    of, colour = KINDS[kind], "warn"
+    if len(points) >= of.fewest and (of.most is None or len(points) <= of.most):
+        made = Measurement(COMPUTED.get(kind, kind), tuple(points), "", context.document.up)
+        # the uncertainty is complete with the last point only: it gives the digits and is not written
+        overlay.label(draw_measurement(overlay, made, colour), text_of(evaluate(made), unit_of(context), stated=False))
+        return
     for point in points:
         overlay.marker(point.position, colour, 4.0)
     fits = [point.fit for point in points if point.fit is not None]

@@ -14,17 +14,17 @@ from ....common.errors import InputError, PointglassError
 from ....common.text import counted
 from ....work.document import unique_name
 from ....work.measuring.measure_files import ENDINGS, write_measurements
-from ....work.measuring.measure_text import silhouette_text, text_of
+from ....work.measuring.measure_text import silhouette_text
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
-from ....work.measuring.values import evaluate
+from ....work.meshes.pick_mesh import ON_MODEL
 from ....work.places.pick import Picked
 from ...kit import icons
 from ...kit.widgets import tooltip_beside
 from ...saving.capture import name_kept
-from ..editing import Pointing, edit, facts_of, measured_point, step, unit_of
+from ..editing import Pointing, edit, facts_of, measured_point, step
 from ..outline import Group
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
-from .drawing import draw_begun, draw_measurement
+from .drawing import COMPUTED, draw_begun
 from .fitting import Fitting
 from .listed_measurements import draw_list, measurement_group
 from .volumes import Volumes
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from ....work.measuring.volume import Volume
     from ...kit.overlay import OverlayCanvas
     from ...kit.worker import Worker
-
-COMPUTED = {"volume": "area", "profile": "distance"}
-"""Kinds that are found on a thread, and what is drawn of each until then."""
 
 
 class Measure(Tool):
@@ -55,6 +52,7 @@ class Measure(Tool):
         self._pointing = Pointing(meshes=True)
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
+        self._last: Picked | None = None  # of the points that are set, with the grid's place
         self._fitting, self._volumes = Fitting(), Volumes()
         self._history: History[Document] | None = None  # of the work that the points belong to
         self._export: ExitStack | None = None  # waits for points; it keeps the name of its file
@@ -84,6 +82,7 @@ class Measure(Tool):
         if self._fitting.points or KINDS[self.kind].surface(len(self.points)) is not None:
             self.answering = self._fitting.add(context, self.kind, point)
         else:
+            self._last = picked
             self._set(point, context)
         return False
 
@@ -182,6 +181,7 @@ class Measure(Tool):
             self._fitting.drop_last()
         elif self.points:
             self.points.pop()
+            self._last = None
 
     def _finish(self, context: ToolContext) -> None:
         kind = KINDS[self.kind]
@@ -232,16 +232,16 @@ class Measure(Tool):
             overlay.marker(waiting.position, "warn", 4.0)
         if hovered is not None:
             overlay.marker(hovered.position, "warn", 5.0, "ring")
-            if kind.surface(len(points)) is None:
+            if kind.surface(len(points)) is None and not self._is_last(hovered):
                 points.append(MeasuredPoint(hovered.position))
-        if not self.points:
-            return
-        if len(points) >= kind.fewest and (kind.most is None or len(points) <= kind.most):
-            made = Measurement(COMPUTED.get(self.kind, self.kind), tuple(points), "", context.document.up)
-            result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
-            overlay.label(draw_measurement(overlay, made, "warn"), text_of(result, unit_of(context)))
-        else:
-            draw_begun(overlay, points, "warn")
+        if self.points:
+            draw_begun(overlay, self.kind, points, context)
+
+    def _is_last(self, picked: Picked) -> bool:
+        """Whether it is the point that was set last, whose place in the file may have been read meanwhile."""
+        if not self.points or picked.position == self.points[-1].position:
+            return bool(self.points)
+        return self._last is not None and self._last.index == picked.index != ON_MODEL
 
     def outline(self, context: ToolContext) -> tuple[Group]:
         return (measurement_group(self, context),)
