@@ -83,6 +83,31 @@ def check_escape_closes_what_lies_above_points_that_are_set(p: Person, folder: P
     assert p.d.app.toolbox.active is p.d.app.toolbox.fly
 
 
+def check_points_do_not_go_over_to_another_kind_and_those_left_over_are_told(p: Person, folder: Path) -> None:
+    session, tool = p.d.session, tool_of(p, "measure")
+    p.d.drop(Path("room5"))
+    p.opened("room5")
+    set_points(p, "distance", 1)
+    (first,) = tool.points
+    p.click("##kind")
+    p.click("Area")
+    p.d.until(lambda: tool.kind == "area")
+    assert not tool.points, "a distance's point is no corner of an area"
+    assert session.notices.toasts[-1].text == "1 point of the distance given up; Ctrl+Z brings it back"
+    p.key("ctrl+z")
+    assert tool.kind == "distance" and tool.points == [first]
+    p.key("Escape", "t")
+    assert p.d.app.toolbox.active is not tool
+    set_points(p, "area", 2)
+    kept = list(tool.points)
+    p.key("t", "t")
+    assert p.d.app.toolbox.active is tool and tool.points == kept
+    assert tool.hint(p.d.app.tools) == "2 points of an area that is not ended: go on, or Esc"
+    p.key("Escape")
+    assert not tool.points and p.d.app.toolbox.active is tool
+    p.key("Escape")
+
+
 def check_a_click_fits_a_plane_of_the_kind_chosen_in_the_list(p: Person, folder: Path) -> None:
     session, tool = p.d.session, tool_of(p, "measure")
     p.d.drop(Path("room5"))

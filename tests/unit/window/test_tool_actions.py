@@ -197,7 +197,7 @@ def test_another_kind_gives_up_planes_that_it_has_no_use_for_those_being_fitted_
     fitted(tool, context)
     click(tool, context, (3.0, 5.0, 2.0))
     tool._change_kind("distance", context)
-    assert tool.points == [] and tool._fitting.points == [] and "Corner: 2 points given up" in context.toasts[-1]
+    assert tool.points == [] and tool._fitting.points == [] and "2 points of the corner given up" in context.toasts[-1]
     click(tool, context, (1.0, 5.0, 1.0))
     click(tool, context, (3.0, 5.0, 1.0))
     assert [made.kind for made in context.document.measurements] == ["distance"]
@@ -232,7 +232,7 @@ def test_csv_export_says_where_it_went(context, tmp_path):
     tool = Measure()
     click(tool, context, (1.0, 5.0, 1.0))
     click(tool, context, (3.0, 5.0, 1.0))
-    tool.export(context, tmp_path / "m.csv")
+    tool.export.start(context, tmp_path / "m.csv")
     assert str(tmp_path / "m.csv") in context.toasts[-1] and "Distance,distance" in (tmp_path / "m.csv").read_text()
 
 
@@ -252,7 +252,7 @@ def test_csv_export_waits_for_places_in_the_file_and_a_message_says_which_are_no
     click(tool, context, (1.0, 5.0, 1.0))
     click(tool, context, (3.0, 5.0, 1.0))
     grid = [point.position for point in context.document.measurements[0].points]
-    tool.export(context, file)
+    tool.export.start(context, file)
     reading.poll()
     assert reading.busy and not file.read_bytes() and tool.unfinished, "the name is kept until then"
     assert "is writing" in examine(file, saving=True).problem

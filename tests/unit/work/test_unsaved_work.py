@@ -158,7 +158,7 @@ def test_work_that_was_given_up_stays_where_the_other_scan_cannot_be_opened(wind
 def test_work_that_was_given_up_for_the_end_of_the_window_leaves_no_autosave(window):
     window.edit(measurements=(TAPE,))
     window.flow.follow()
-    window.flow.leave(lambda: window.flow.end([], lambda: None))
+    window.flow.end([], lambda: None)
     window.answer("Discard")
     window.flow.close()
     assert recoverable() == []
@@ -294,13 +294,18 @@ def test_a_measurement_that_is_not_ended_is_left_after_a_question_only(window, p
 
 def test_a_window_with_unfinished_work_ends_after_a_question_only(window):
     ended = []
-    window.flow.leave(lambda: window.flow.end(["A film is being rendered."], lambda: ended.append(1)))
+    window.edit(measurements=(TAPE,))
+    window.flow.end(["A film is being rendered."], lambda: ended.append(1))
     assert window.asked == "Close the window?" and "film" in window.session.notices.message.text
     window.answer("Go on")
-    assert ended == []
+    assert ended == [] and not window.asked, "who goes on is not asked to save"
     window.flow.end(["A film is being rendered."], lambda: ended.append(1))
     window.answer("Close")
+    assert ended == [] and window.asked.startswith("Save the changes")
+    window.answer("Discard")
+    assert ended == [1]
     window.flow.end([], lambda: ended.append(2))
+    window.answer("Discard")
     assert ended == [1, 2]
 
 

@@ -247,16 +247,16 @@ class ProjectFlow:
                 "a project keeps what is ended.", (Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip
 
     def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
-        """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
+        """Ends the window by ``then``, as :meth:`leave` does; asks first where something is ``unfinished``, in sentences."""
         def close() -> None:
             self._closed_with = self._content  # saved, or given up before
             then()
 
         if unfinished:
             self._session.notices.ask("Close the window?", f"{' '.join(unfinished)} Closing loses it.", (
-                Answer("Go on"), Answer("Close", close)))  # fmt: skip
+                Answer("Go on"), Answer("Close", lambda: self.leave(close))))  # fmt: skip
         else:
-            close()
+            self.leave(close)
 
     def may_replace(self, loaded: Loaded) -> bool:
         """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""

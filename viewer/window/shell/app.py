@@ -188,10 +188,6 @@ class App:
         self.wake()
         if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.at_stake:
             self.glfw.restore_window(self.window)  # the question must be seen
-        self.projects.leave(self._end)
-
-    def _end(self) -> None:
-        """Closes the window, whose work is saved or given up; asks first where something is unfinished."""
         unfinished = [*self.toolbox.unfinished, *self.save_actions.unfinished]
         self.projects.end(unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
 

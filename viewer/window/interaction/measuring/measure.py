@@ -5,28 +5,26 @@ in the document, so it is undone, saved and exported with it.
 """
 
 from collections.abc import Iterable
-from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....common.errors import InputError, PointglassError
-from ....common.text import counted
+from ....common.errors import InputError
 from ....work.document import unique_name
-from ....work.measuring.measure_files import ENDINGS, write_measurements
+from ....work.measuring.measure_files import ENDINGS
 from ....work.measuring.measure_text import silhouette_text
 from ....work.measuring.measurement import KINDS, Begun, MeasuredPoint, Measurement
 from ....work.meshes.pick_mesh import ON_MODEL
 from ....work.places.pick import Picked
 from ...kit import icons
 from ...kit.widgets import tooltip_beside
-from ...saving.capture import name_kept
-from ..editing import Pointing, edit, facts_of, measured_point, step
+from ..editing import Pointing, edit, measured_point, step
 from ..outline import Group
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
+from .begun_points import GivenUp, goes_over, left_text
 from .drawing import COMPUTED, draw_begun
 from .fitting import Fitting
 from .listed_measurements import draw_list, measurement_group
+from .measurement_export import MeasurementExport
 from .volumes import Volumes
 
 if TYPE_CHECKING:
@@ -41,7 +39,7 @@ if TYPE_CHECKING:
 class Measure(Tool):
     """Sets points by clicks; Enter or a double click ends a polyline or an area, Backspace takes the last point back.
 
-    What is not ended stays while another tool is selected, and goes on when this one is again."""
+    What is not ended stays while another tool is selected, and goes on when this one is again, which says so."""
 
     name, label, icon, key = "measure", "Measure", icons.MEASURE, "T"
     help = "measure points, planes, pipes, volumes, profiles"
@@ -53,9 +51,11 @@ class Measure(Tool):
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
         self._last: Picked | None = None  # of the points that are set, with the grid's place
+        self._left: list[MeasuredPoint] = []  # were there when the tool was selected
+        self._given_up: GivenUp | None = None
         self._fitting, self._volumes = Fitting(), Volumes()
         self._history: History[Document] | None = None  # of the work that the points belong to
-        self._export: ExitStack | None = None  # waits for points; it keeps the name of its file
+        self.export = MeasurementExport()
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.clicks == 0:
@@ -78,13 +78,16 @@ class Measure(Tool):
             return False
         if taken.note is not None:
             context.toast(taken.note)
-        point = measured_point(context, taken)
+        point, self._given_up = measured_point(context, taken), None
         if self._fitting.points or KINDS[self.kind].surface(len(self.points)) is not None:
             self.answering = self._fitting.add(context, self.kind, point)
         else:
             self._last = picked
             self._set(point, context)
         return False
+
+    def selected(self, context: ToolContext) -> None:
+        self._left, self._given_up = list(self.points), None
 
     def _set(self, point: MeasuredPoint, context: ToolContext) -> None:
         self.points.append(point)
@@ -104,7 +107,9 @@ class Measure(Tool):
             made = tuple(replace(item, points=tuple(at_place(item.points))) for item in document.measurements)
             return replace(document, measurements=made) if made != document.measurements else document
 
-        self.points = at_place(self.points)
+        self.points, self._left = at_place(self.points), at_place(self._left)
+        if (lost := self._given_up) is not None:
+            self._given_up = replace(lost, points=at_place(lost.points), waiting=at_place(lost.waiting))
         self._fitting.moved(at_place)
         self._volumes.moved(at_place)
         context.session.work.history.revise(corrected)
@@ -117,12 +122,12 @@ class Measure(Tool):
                 self._fitting.stop()
                 self._volumes.stop()
             self._history, begun = work.history, work.begun
-            if self._export is not None:  # its points are no longer read
-                self._end_export()
+            if self.export:  # its points are no longer read
+                self.export.end()
                 context.toast("The measurements were not exported: their scan was left")
             self.points = list(begun.points) if begun is not None else []
             if begun is not None:
-                self.kind, self.wanted = begun.kind, True
+                self.kind, self.wanted, self._left = begun.kind, True, list(self.points)
         begun = Begun(self.kind, tuple(self.points)) if self.points else None
         if begun != work.begun:
             work.begun = begun
@@ -149,6 +154,9 @@ class Measure(Tool):
             self._fitting.stop()
             self._volumes.stop()
             return True
+        undoes = event.key == "Z" and event.modifiers.control and not event.modifiers.shift
+        if undoes and event.kind == "press" and self._bring_back(context):
+            return True
         if event.kind == "release" or not (self.points or self._fitting.points):
             return False
         if event.key in ("ENTER", "KP_ENTER"):
@@ -157,24 +165,32 @@ class Measure(Tool):
             self._drop_last()
         elif event.key == "ESCAPE":
             self.points.clear()
-        elif event.key == "Z" and event.modifiers.control and not event.modifiers.shift:
+        elif undoes:
             self._drop_last()
         else:
             return False
         return True
 
     def _change_kind(self, kind: str, context: ToolContext) -> None:
-        """Measures another kind from now on, from the points that are set, as far as it has room and use for them."""
-        new = KINDS[kind]
+        """Measures another kind from now on; points that do not belong to it are given up, and can be brought back."""
         fitting = [] if KINDS[self.kind].most == 1 else self._fitting.of(self.kind)
-        alike = all((point.fit and point.fit.kind) == new.surface(number) for number, point in enumerate(self.points))
-        if fitting or (self.points and not (alike and (new.most is None or len(self.points) < new.most))):
-            placed = len(self.points) + len(fitting)
-            context.toast(f"{KINDS[self.kind].name}: {counted(placed, 'point')} given up, not ended")
-            self.points.clear()
-            if fitting:
-                self._fitting.drop(self.kind)
+        if fitting or not goes_over(self.points, kind):
+            history = context.session.work.history
+            self._given_up = GivenUp(self.kind, self.points, fitting, history, history.undo_label)
+            context.toast(self._given_up.text)
+            self.points = []
+            self._fitting.drop(self.kind)
         self.kind = kind
+
+    def _bring_back(self, context: ToolContext) -> bool:
+        """Brings back what another kind has given up, where that was the last thing done.  Returns whether."""
+        lost, self._given_up = self._given_up, None
+        if lost is None or self.points or self._fitting.points or not lost.is_last(context.session.work.history):
+            return False
+        self.kind, self.points = lost.kind, lost.points
+        for point in lost.waiting:
+            self._fitting.add(context, self.kind, point)
+        return True
 
     def _drop_last(self) -> None:
         if self._fitting.points:
@@ -208,10 +224,17 @@ class Measure(Tool):
         if about := silhouette_text(made):
             context.toast(f"{about[:1].upper()}{about[1:]}")
 
+    @property
+    def _left_over(self) -> str:
+        """What is said of points that were all set before the tool was selected; "" otherwise."""
+        return left_text(Begun(self.kind, tuple(self.points))) if self.points and self.points == self._left else ""
+
     def hint(self, context: ToolContext) -> str:
         kind = KINDS[self.kind]
         placed = len(self.points) + (len(self._fitting.of(self.kind)) if kind.most != 1 else 0)
         click = f"Click {kind.click(placed)}"
+        if left := self._left_over:
+            return left
         if self._volumes.points:
             return f"Measuring the {self._volumes.kind}…  ·  Esc gives up"
         if self._fitting.points:
@@ -255,11 +278,13 @@ class Measure(Tool):
                 if ui.is_item_hovered():
                     tooltip_beside(ui, kind.what)
             ui.end_combo()
+        if left := self._left_over:
+            ui.text_wrapped(left)
         if self.kind in COMPUTED:
             self._volumes.panel(ui, context, self.kind)
         history = context.session.work.history
-        ui.begin_disabled(history.undo_label is None)
-        if ui.button("Undo"):
+        ui.begin_disabled(history.undo_label is None and self._given_up is None)
+        if ui.button("Undo") and not self._bring_back(context):
             step(context, redo=False)
         ui.end_disabled()
         ui.same_line()
@@ -278,24 +303,9 @@ class Measure(Tool):
         ui.separator()
         if ui.button("Export…"):
             context.files.save("measurements", "Export the measurements", "measurements.csv", ENDINGS,
-                               lambda path: self.export(context, path))
+                               lambda path: self.export.start(context, path))
         if ui.is_item_hovered():
             tooltip_beside(ui, f"As {', '.join(ENDINGS)}")
-
-    def export(self, context: ToolContext, path: Path) -> None:
-        """Writes all measurements to ``path``, in the file's units, when the points that are being read are there; says where,
-        or why not."""
-        reading = context.session.work.exact_points
-        if reading.busy:
-            context.toast("The measurements are exported when their points have been read from the file")
-            self._export = self._export or ExitStack()
-            self._export.enter_context(name_kept(path))
-        reading.when_read(lambda: self._write(context, path))
-
-    def _end_export(self) -> None:
-        waiting, self._export = self._export, None
-        if waiting is not None:
-            waiting.close()
 
     @property
     def workers(self) -> "list[Worker | None]":
@@ -303,17 +313,8 @@ class Measure(Tool):
 
     @property
     def unfinished(self) -> str:
-        return "Measurements are exported when their points have been read." if self._export is not None else ""
+        return "Measurements are exported when their points have been read." if self.export else ""
 
     def close(self) -> None:
         self._volumes.stop()
-        self._end_export()
-
-    def _write(self, context: ToolContext, path: Path) -> None:
-        try:
-            write_measurements(path, context.document.measurements, facts_of(context))
-        except PointglassError as error:
-            context.session.notices.say("The measurements cannot be exported", error)
-        else:
-            context.tell_saved(path)
-        self._end_export()
+        self.export.end()
