@@ -1,7 +1,9 @@
-"""Presses every chord of the table of controls by X events, for ``test_chords.py``: at rest, while flying, and while typing."""
+"""Presses every chord of the table of controls by X events, for ``test_chords.py``: at rest, while flying, and while typing;
+and a key that flies, in frames that are longer than it is held."""
 
 import json
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +53,15 @@ def main(folder: Path) -> None:
         found["dialog"] = list(done)
         d.session.notices.message = None
         d.settle()
+    for name, steps in (("within a frame", 0), ("in a long frame", 2)):
+        start = d.session.flight.state
+        xdo("keydown", "w")
+        d.settle(steps)
+        time.sleep(0.6)  # a long frame: the window takes no events
+        xdo("keyup", "w")
+        d.settle()
+        d.until(lambda: not d.session.flight.moving)
+        report[name] = float((d.session.flight.state.position - start.position) @ start.forward) / start.speed
     (folder / "chords.json").write_text(json.dumps(report, indent=1))
     d.app.close()
 

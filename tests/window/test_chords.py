@@ -30,5 +30,9 @@ def test_a_chord_acts_once_also_while_flying_and_never_flies_itself(report, key)
     assert found["dialog"] == ([control.action] if control.everywhere else [])
 
 
+def test_a_key_that_is_held_within_a_long_frame_flies(report):
+    assert 0.01 < report["within a frame"] <= 0.1 < report["in a long frame"] < 0.6  # seconds at full speed
+
+
 def test_the_table_has_the_chords_that_keep_work():
     assert {control.action for control in by_chord().values()} >= {"save", "save_as", "quit", "undo", "redo"}

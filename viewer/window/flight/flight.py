@@ -17,6 +17,7 @@ from . import mouse
 from .framing import from_side, overview
 from .gamepad import STILL, Push
 from .glide import Glide, Turn
+from .held_keys import HeldKeys
 from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
 from .orbit import ORBIT, orbited
 from .parallel_flight import REST as REST
@@ -51,7 +52,7 @@ class Flight(ParallelFlight):
         self.state = self.home = FlyState(np.zeros(3))
         self.field_of_view = FIELD_OF_VIEW
         self.orthographic = None
-        self.held: set[str] = set()
+        self.held = HeldKeys()
         self.looking = self.floor_lost = False
         self.mouse = mouse.DEFAULT
         self.walker: Walker | None = None
@@ -63,7 +64,8 @@ class Flight(ParallelFlight):
         self._dragged = False  # since the last call of advance
         self._moved = clock()
         self._camera: tuple[tuple, FlyState, Camera] | None = None
-        self._time: float | None = None
+        self._time: float | None = None  # until when the camera has flown, None: at rest
+        self._called = clock()
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """The camera of a picture of so many pixels; the same object until something changes."""
@@ -106,36 +108,43 @@ class Flight(ParallelFlight):
         return self._moved + REST - self._clock()
 
     def _keys_move(self) -> bool:
-        return bool(self.held & _WAYS) or any(push.moves or push.looks for push in (self.push, self.twist or STILL))
+        return bool(self.held.asked & _WAYS) or any(push.moves or push.looks for push in (self.push, self.twist or STILL))
 
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
         now = self._clock()
         dt = 0.0 if self._time is None else min(now - self._time, _LONGEST_STEP)
         moves, before, scale = self.under_way, self.state, self.orthographic
-        self._time = now if moves else None
-        if self._keys_move() or any(self._look):
+        moved_by_hand = self._keys_move() or any(self._look)
+        spans = self.held.spans(dt, now - self._called)
+        self._called, self._time = now, now if moves else None
+        if moved_by_hand:
             self._glide = None
         if self._glide is not None:
             self._follow_glide(now)
         elif moves and self._seen is not None:
             if self._twists_scene:
                 self._orbit(dt)
-            motion = self._motion(dt)
-            if self.height is not None:
-                self._step_orthographic(motion, self.height, dt)
-            else:
-                self.state = step(self.state, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
+            for held, seconds in spans:
+                self._step(held, seconds)
         self._look = [0.0, 0.0]
         changed, self._dragged = self._dragged or _place(before) != _place(self.state) or self.orthographic != scale, False
         if changed:
             self._moved = now
         return changed
 
-    def _motion(self, dt: float) -> Motion:
+    def _step(self, held: set[str], dt: float) -> None:
+        motion = self._motion(held, dt)
+        self._look = [0.0, 0.0]
+        if self.height is not None:
+            self._step_orthographic(motion, self.height, dt)
+        else:
+            self.state = step(self.state, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
+
+    def _motion(self, held: set[str], dt: float) -> Motion:
         """What keys, mouse, gamepad and 3D mouse ask for.  A stick moves as fast as it is pushed; its look is squared, for fine
         turns."""
-        held, push = self.held, self.push
+        push = self.push
         if self.twist is not None:
             twist = scaled(self.twist, self.twist_speed)
             push = added(push, of_scene(twist) if self._twists_scene else twist)
