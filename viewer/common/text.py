@@ -7,6 +7,7 @@ __all__ = ["bytes_text", "count_text", "counted", "escaped_output", "left_text",
            "with_whole_characters"]
 
 import math
+from collections.abc import Iterable
 
 
 def counted(number: float, noun: str) -> str:
@@ -56,9 +57,37 @@ def plain(value: object) -> str:
     return str(value)
 
 
-def exact_text(value: float) -> str:
-    """The shortest digits that stand for exactly this float64, also of a NumPy scalar, whose ``repr`` names its type."""
-    return repr(float(value))
+_ROUNDINGS = 8
+"""Of the largest number of a computation, in which its result may be off: a file's whole number times its scale, and its offset
+added, are four, and the offset may be larger than what comes of it."""
+
+_WHOLE = 2.0**53
+"""From here on float64 has no decimals."""
+
+
+def table_places(values: Iterable[float], size: float = 0.0, loss: float = 0.0) -> list[str]:
+    """Coordinates in a table: of each the shortest text that differs by no more than float64 rounds, so that 483 steps of 0.001
+    are 0.483; those of a file with float32 as that is written.  size: a number that they were computed from, where it is larger
+    than they are.  loss: what a coordinate may lose besides, in its unit."""
+    import numpy as np
+
+    values = [float(value) for value in values]
+    with np.errstate(over="ignore", invalid="ignore"):
+        short = np.array(values).astype(np.float32)
+    if not size and (short == values).all():
+        return [np.format_float_positional(value, trim="-") for value in short]
+    finite = [abs(value) for value in (*values, size) if math.isfinite(value)]
+    within = max(loss, _ROUNDINGS * math.ulp(max(finite, default=0.0)))
+    return [_shortest(value, within) for value in values]
+
+
+def _shortest(value: float, within: float) -> str:
+    """The decimal number with the fewest decimals that is so near to a number."""
+    for decimals in range(20 if abs(value) < _WHOLE else 0):
+        text = f"{value:.{decimals}f}"
+        if abs(float(text) - value) <= within:
+            return text if float(text) else "0"
+    return repr(value)
 
 
 def table_bytes(text: str) -> bytes:

@@ -4,7 +4,7 @@ import csv
 import io
 from collections.abc import Iterable
 
-from ...common.text import exact_text, printable
+from ...common.text import printable, table_places
 from .annotation import STATUSES, Annotation
 
 COLUMNS = ("number", "title", "text", "status", "x", "y", "z", "unit", "link", "picture", "made")
@@ -18,7 +18,7 @@ def csv_text(notes: Iterable[Annotation], unit: str) -> str:
     for number, note in enumerate(notes):
         texts = (note.title(number), note.text, STATUSES[note.status].name)
         rest = (unit, note.link, note.picture, note.made)
-        writer.writerow([number + 1, *map(_cell, texts), *map(exact_text, note.position), *map(_cell, rest)])
+        writer.writerow([number + 1, *map(_cell, texts), *table_places(note.position), *map(_cell, rest)])
     return out.getvalue()
 
 

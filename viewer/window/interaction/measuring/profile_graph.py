@@ -9,8 +9,9 @@ import numpy as np
 
 from .....model.common.files.atomic_write import write_atomic
 from ....common.errors import InputError
-from ....common.text import exact_text
+from ....common.text import table_places
 from ....work.measuring.measure_shapes import profile_line
+from ....work.measuring.measure_table import LOSS
 from ...kit.widgets import tooltip_beside
 
 if TYPE_CHECKING:
@@ -55,9 +56,11 @@ def write_profile(path: Path, measurement: "Measurement") -> None:
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(("station", "height", "count", "x", "y", "z"))
+    size = float(np.abs([point.position for point in measurement.points]).max())
     for station, height, count, place in zip(profile.stations, profile.heights, profile.counts, profile_line(measurement),
                                              strict=True):  # fmt: skip
-        writer.writerow([exact_text(station), exact_text(height), count, *map(exact_text, place.tolist())])
+        along, up, *at = table_places((station, height, *place.tolist()), size, LOSS * profile.step)
+        writer.writerow([along, up, count, *at])
     try:
         write_atomic(path, lambda beside: beside.write_text(out.getvalue(), newline=""))
     except OSError as error:
