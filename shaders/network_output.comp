@@ -43,12 +43,12 @@ void main() {
     if (photo.a > 0.0)
         for (int k = 0; k < 9; ++k)
             share += texelFetch(photographs, clamp(at + ivec2(k % 3, k / 3) - 1, ivec2(0), extent - 1), 0).a / 9.0;
-    vec3 apart = abs(photo.rgb - rgba.rgb);
     float sparse = clamp((between_blocks(grid, at).x - DENSE_FROM) / (DENSE_TO - DENSE_FROM), 0.0, 1.0);
+    vec3 mean = mean_apart(at), seen = clamp(photo.rgb - mean * (1.0 - sparse), 0.0, 1.0), apart = abs(seen - rgba.rgb);
     float agree = clamp((APART_TO - 255.0 * max(apart.r, max(apart.g, apart.b))) / (APART_TO - APART_FROM), 0.0, 1.0);
     float counts = share * mix(OVER_FROM, OVER_TO, sparse) * mix(agree, 1.0, sparse);
-    counts *= uncontradicted(at);
-    rgba.rgb = mix(rgba.rgb, photo.rgb, counts);
+    counts *= uncontradicted(mean);
+    rgba.rgb = mix(rgba.rgb, seen, counts);
 #endif
 #ifdef COUNTED
     imageStore(counted, at, vec4(counts));

@@ -12,7 +12,7 @@ void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, imageSize(filled)))) return;
     vec4 photo = texelFetch(photographs, at, 0);
-    float part = photo.a > 0.0 ? photo.a * uncontradicted(at) : 0.0;
+    float part = photo.a > 0.0 ? photo.a * uncontradicted(mean_apart(at)) : 0.0;
     imageStore(share, at, vec4(part));
     if (part <= 0.0) return;
     vec4 old = imageLoad(filled, at);
