@@ -5,6 +5,7 @@ else places that see every surface.
 """
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ from ...picture.photographs.placed_photograph import PlacedPhotograph
 from ...picture.settings import Settings
 from ...readers.decoded_picture import decoded_picture
 from ...readers.photographs.placed_photographs import bytes_of
+from ...readers.photographs.posed_photograph import PosedPhotograph
+from ...render.photographs.photo_fit import PointSample, as_stated, point_sample
 from ...work.document import Document
 from ...work.photo_poses.picture_features import opencv
 from ...work.photo_poses.pose_search import LONGEST, NotFound, find_pose
@@ -68,6 +71,7 @@ class PhotoSearch:
         self._origin = renderer.scene.bounds.mean(axis=0)
         self._kept = KeptPoses(renderer.scene)
         self.views: list[ReferenceView] | None = None
+        self._sample: PointSample | None = None
 
     def find(self, photo: UnplacedPhotograph) -> PlacedPhotograph | NotFound:
         """Where a photograph was taken.  Raises InputError where it is damaged, or OpenCV is missing."""
@@ -78,7 +82,8 @@ class PhotoSearch:
         if self.views is None:
             self.views = self._rendered()
         focal = photo.focal or stated_focal(photo.data, size)
-        found = find_pose(self._draw, self.views, self._origin, picture, size, photo.name, focal)
+        found = find_pose(self._draw, partial(self._explained, picture), self.views, self._origin, picture, size, photo.name,
+                          focal)  # fmt: skip
         if not isinstance(found, NotFound):
             camera = found.camera
             found = PlacedPhotograph(photo.path, photo.name, camera.width, camera.height, camera.fx,
@@ -104,6 +109,16 @@ class PhotoSearch:
         assert frame.filled_depth is not None
         depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(camera.height, camera.width)
         return frame.image("filled"), depth
+
+    def _explained(self, picture: np.ndarray, camera: "Camera") -> float:
+        """As of Judge."""
+        lens = camera.fx, camera.fy, camera.cx, camera.cy
+        photo = PosedPhotograph("", "pinhole", camera.width, camera.height, lens, False, camera.camera_to_world,
+                                lambda _: (picture, None))  # fmt: skip
+        if self._sample is None:
+            self._sample = point_sample(self._renderer.scene)
+        fit = as_stated(photo, picture, self._sample)
+        return 0.0 if fit is None else fit.explained
 
     def _views(self, cameras: "list[Camera]") -> list[ReferenceView]:
         """Those that show something."""

@@ -116,6 +116,11 @@ def fitted(photo: "PosedPhotograph", picture: np.ndarray, valid: np.ndarray | No
     return replace(turned, refined=best)
 
 
+def as_stated(photo: "PosedPhotograph", picture: np.ndarray, sample: PointSample) -> PhotoFit | None:
+    """How a photograph fits the points at its stated pose; None where it sees none.  picture: decoded."""
+    return _at(photo, photo.camera_to_world, mip_levels(picture, None), sample)
+
+
 def unfitted(photo: "PosedPhotograph", size: tuple[int, int], sample: PointSample) -> PhotoFit:
     """The stated pose with its shadow map, in its own colours, of a photograph that fits no points.
 

@@ -1,9 +1,10 @@
 """Finds where a photograph was taken: its features against those of rendered views, then against a view from the place found.
 
-A pose is taken only if enough features, spread over the photograph, agree with it to a few pixels.
+A pose is taken only if enough features, spread over the photograph, agree with it to a few pixels, and the photograph's colours
+there are those of the points.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from .picture_features import Features, features_of, matches
 from .pose_solver import SolvedPose, distances, ransac_pose, refined_pose
 from .reference_views import Draw, ReferenceView, view_of
 
+Judge = Callable[[Camera], float]
+"""Camera, at the size of the picture that is searched -> share of the points' differences in colour that the photograph
+explains from there (viewer.render.photographs.photo_fit)."""
 LONGEST = 1280
 """Pixels of a photograph's longer side at which its features are found."""
 FEATURES = 4000
@@ -27,12 +31,16 @@ FOCALS = tuple(0.5 * 1.15**step for step in range(11))
 """Focal lengths that are tried where the photograph states none, in longer sides: fields of view of 90 to 28 degrees."""
 LEAST_MATCHES, CELLS = 25, 4
 """Consistent matches below which a pose is not believed, and of 16 parts of the photograph those that hold three of them."""
-HYPOTHESES, AROUND = 3, 3.0
-"""First poses that are followed up: arcades and rows of windows look alike from several places.  Matches within so many
-tolerances of a pose say nothing about the next one."""
-RIVAL = 0.7
-"""Share of the best pose's matches with which another place speaks against it.  A photograph between the arcades of atrium has
-1,400 features that agree at its mirror image, 11 m off."""
+HYPOTHESES, AROUND = 5, 3.0
+"""First poses that are followed up: arcades and rows of windows look alike from several places; the true one of that photograph
+of atrium is the fourth.  Matches within so many tolerances of a pose say nothing about the next one."""
+COLOURS = 0.5
+"""Share of the points' differences in colour that a photograph explains at its place.  In atrium, kitchen and bathroom true
+poses have 0.60 to 0.88; places that repeat an arch, a tile or a cupboard, with up to 930 features that agree, 0.03 to 0.42."""
+RIVAL = 0.6
+"""Share of the best pose's matches with which another place, whose colours agree, too, makes it ambiguous.  Of a photograph
+between the arcades of atrium 1,400 features agree at its mirror image, 11 m off, where 0.72 is explained; at its place 1,000
+and 0.60."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +61,8 @@ class NotFound:
     why: str
 
 
-def find_pose(draw: Draw, views: list[ReferenceView], origin: np.ndarray, picture: np.ndarray, size: tuple[int, int],
-              name: str, stated: float | None) -> FoundPose | NotFound:
+def find_pose(draw: Draw, judge: Judge, views: list[ReferenceView], origin: np.ndarray, picture: np.ndarray,
+              size: tuple[int, int], name: str, stated: float | None) -> FoundPose | NotFound:
     """The pose of a photograph.
 
     picture: (h, w, 3) uint8 sRGB, LONGEST pixels at most.  size: width and height of the photograph's file.  stated: focal
@@ -74,13 +82,21 @@ def find_pose(draw: Draw, views: list[ReferenceView], origin: np.ndarray, pictur
             found.append(kept)
     if not found:
         return NotFound("its features agree with no place in the scan")
+    most = max(len(pose.consistent) for pose, _ in found)
+    found = [(pose, places) for pose, places in found
+             if len(pose.consistent) >= LEAST_MATCHES and _cells(places, width, height) >= CELLS]
+    if not found:
+        return NotFound(f"only {most} of its features agree with a place in the scan")
     found.sort(key=lambda one: -len(one[0].consistent))
-    pose, places = found[0]
-    if len(pose.consistent) < LEAST_MATCHES or _cells(places, width, height) < CELLS:
-        return NotFound(f"only {len(pose.consistent)} of its features agree with a place in the scan")
-    if len(found) > 1 and len(found[1][0].consistent) > RIVAL * len(pose.consistent):
-        apart = np.linalg.norm(found[1][0].position - pose.position)
-        return NotFound(f"two places in the scan, {apart:.3g} units apart, look like it")
+    explained = [judge(_camera(pose, origin, (width, height), name)) for pose, _ in found]
+    alike = [pose for (pose, _), share in zip(found, explained) if share >= COLOURS]
+    if not alike:
+        return NotFound(f"{most} of its features agree with a place in the scan, but its colours explain only "
+                        f"{100 * max(0.0, *explained):.0f} % of the differences between the points there")
+    pose = alike[0]
+    if len(alike) > 1 and len(alike[1].consistent) > RIVAL * len(pose.consistent):
+        apart = np.linalg.norm(alike[1].position - pose.position)
+        return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
     camera = _camera(pose, origin, (width, height), name)
     whole = Camera(*size, pose.focal * scale, pose.focal * scale, size[0] / 2, size[1] / 2, camera.camera_to_world, name)
     return FoundPose(whole, pose.residual * scale, len(pose.consistent), pose.deviations)
