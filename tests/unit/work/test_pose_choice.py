@@ -1,0 +1,30 @@
+"""Which of several poses that features agree with is taken for that of a photograph: the rule, on invented poses."""
+
+import numpy as np
+import pytest
+
+from pointglass.viewer.work.photo_poses import pose_search
+from pointglass.viewer.work.photo_poses.pose_search import FoundPose, NotFound, find_pose
+from pointglass.viewer.work.photo_poses.pose_solver import SolvedPose
+
+
+@pytest.mark.parametrize(("places", "said"), [
+    ([(900, 0.8)], None), ([(900, 0.3)], "colours"), ([(900, 0.25), (500, 0.7)], None),
+    ([(1400, 0.72), (1000, 0.6)], "ambiguous"), ([(1200, 0.65), (500, 0.6)], None), ([(20, 0.9)], "only 20"),
+])  # fmt: skip
+def test_colours_decide_and_places_that_look_alike_are_refused(monkeypatch, seed, places, said):
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(len(places))  # they are found in any order
+    poses = [SolvedPose(np.eye(3), np.array([-10.0 * k, 0, 0]), 400.0, np.arange(places[k][0]), 0.6, (0.001, 1e-4, 1e-3))
+             for k in order]
+    spread = rng.uniform(0, 1, (2000, 2)) * (640, 480)
+    monkeypatch.setattr(pose_search, "features_of", lambda *_: pose_search.Features(spread, np.zeros((2000, 128), np.float32)))
+    monkeypatch.setattr(pose_search, "_first_poses", lambda *_: iter(poses))
+    monkeypatch.setattr(pose_search, "_looked_again", lambda *given: (given[4], spread[given[4].consistent]))
+    found = find_pose(lambda _: None, lambda camera: places[round(camera.position[0] / 10)][1], [], np.zeros(3),
+                      np.zeros((480, 640, 3), np.uint8), (640, 480), "x", 400.0)  # fmt: skip
+    if said is None:
+        right = max(range(len(places)), key=lambda k: places[k][1])
+        assert isinstance(found, FoundPose) and found.matches == places[right][0]
+    else:
+        assert isinstance(found, NotFound) and said in found.why
