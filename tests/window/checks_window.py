@@ -15,6 +15,7 @@ def check_resizing_and_minimising(d: Driver) -> None:
     d.app.input.window_events.on_resize(d.app.window, 0, 0)
     d.settle()
     d.key("F12")
+    d.app.projects.remember(d.app.viewport.shown_picture())  # as it is when the window is closed by the screen's bar
     d.app.input.window_events.on_resize(d.app.window, 333, 211)
     d.resize(*SIZE)
     assert np.array_equal(d.bare(), d.rendered())

@@ -13,12 +13,14 @@ _SETTLE_SECONDS = 0.3
 
 
 class WindowArea:
-    """size: of the picture; window_size: of the framebuffer; pixels, both (0, 0) while minimised.
+    """size: of the picture; window_size: of the framebuffer; pixels, both (0, 0) while minimised.  last_size: of the picture,
+    as it was before it was minimised.
     origin: left and top of the picture, framebuffer pixels.  panels: which are open.  layout: where everything is."""
 
     def __init__(self, size: tuple[int, int], clock: Callable[[], float]):
         self._clock = clock
         self.size = self.window_size = size
+        self.last_size = size if min(size) > 0 else (16, 9)
         self.origin, self.density = (0, 0), 1.0
         self.panels = Panels()
         self.layout = Layout(Rect(0.0, 0.0, *map(float, size)))
@@ -32,8 +34,8 @@ class WindowArea:
 
     @property
     def aspect(self) -> float:
-        """Width over height of the picture; of a common screen while it is minimised."""
-        width, height = self.size if self.visible else (16, 9)
+        """Width over height of the picture."""
+        width, height = self.last_size
         return width / height
 
     @property
@@ -80,4 +82,5 @@ class WindowArea:
         changed = size != self.size
         if changed:
             self.size, self._resized = size, self._clock()
+            self.last_size = size if self.visible else self.last_size
         return changed
