@@ -112,8 +112,7 @@ class Session:
 
     @property
     def camera(self) -> Camera:
-        """The camera of the picture, at its size: the part of the framebuffer that the panels leave.  While the window is
-        minimised there is work that needs it: files are read for it, a project is saved with it."""
+        """The camera of the picture, at its size; while minimised, too: files are read for it, a project is saved with it."""
         return self.flight.camera(self.area.last_size)
 
     @property
