@@ -163,6 +163,24 @@ def check_rows_are_clicked_and_a_folder_is_made(p: Person, folder: Path) -> None
     assert chosen == [folder / "made here" / "a.csv"]
 
 
+def check_rows_are_spanned_by_a_click_with_shift_however_fast_it_is(p: Person, folder: Path) -> None:
+    (folder / "several").mkdir()
+    for number in range(3):
+        (folder / "several" / f"{number}.ply").touch()
+    p.key("o")
+    p.listed()
+    p.type(f"{folder}/several/")
+    p.listed()
+    p.click("##row")  # the last of three
+    p.d.until(lambda: p.choice.cursor == 2)
+    (left, top), (right, bottom) = p.items.find("##row")
+    xdo("mousemove", round((left + right) / 2), round((top + bottom) / 2 - 2 * (bottom - top)))
+    p.d.settle()
+    xdo("keydown", "shift", "click", 1, "keyup", "shift")  # within one frame: the field has the keyboard, and the click waits
+    p.d.until(lambda: p.choice.chosen == {f"{number}.ply" for number in range(3)})
+    p.key("Escape")
+
+
 def check_a_moved_scan_is_located(p: Person, folder: Path) -> None:
     from pointglass.viewer.work.document import Document, ScanFile
     from pointglass.viewer.work.project import write_project

@@ -228,7 +228,7 @@ class Input:
             self._held_over_interface = over_interface
         if action == glfw.PRESS:
             self._held.add(button)
-        host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
+        self._give_button(button, action == glfw.PRESS)
         if button not in self._buttons:
             return
         name = self._buttons[button]
@@ -241,6 +241,16 @@ class Input:
                 session.dragging_handle = True
             else:
                 self._tool("press")
+
+    def _give_button(self, button: int, pressed: bool) -> None:
+        """Gives a button to imgui, as its backend does, but with the modifiers of the event: those that are held now may be
+        others."""
+        imgui, modifiers = self._host.imgui, self._given[0]
+        io, key = imgui.get_io(), imgui.Key
+        for mod, held in ((key.mod_ctrl, modifiers.control), (key.mod_shift, modifiers.shift), (key.mod_alt, modifiers.alt)):
+            io.add_key_event(mod, held)
+        if 0 <= button < imgui.MouseButton_.count:
+            io.add_mouse_button_event(button, pressed)
 
     def _release(self, name: str) -> None:
         now, clicks = self._given[1], 0
