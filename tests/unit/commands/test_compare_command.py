@@ -1,11 +1,13 @@
 """``pointglass compare``: its three files, what it refuses, and that failures leave nothing."""
 
 import csv
+from itertools import pairwise
 
 import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from matplotlib.figure import Figure
 from PIL import Image
 
 import pointglass
@@ -195,11 +197,15 @@ def test_positive_is_towards_the_scanner_that_the_file_states(seed, tmp_path, ca
 
 
 @pytest.mark.parametrize("method", ["m3c2", "c2c"])
-def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsys):
+def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsys, monkeypatch):
+    """Walls, so that two of the maps are thin: their labels do not lie over each other."""
     random = np.random.default_rng(seed)
     before, after = floor(random, 4000), floor(random, 4000)
     before[:2, 2] += 20
     after[:, 2] += 10
+    before, after = np.roll(before, 1, axis=1), np.roll(after, 1, axis=1)
+    pages, save = [], Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda page, *given, **named: (pages.append(page), save(page, *given, **named)))
     out = tmp_path / "out"
     assert main(["compare", write_las(tmp_path / "Büro.las", before), write_las(tmp_path / "a.las", after), "--out",
                  str(out), "--method", method]) == 0
@@ -210,6 +216,11 @@ def test_scans_without_any_counterpart_are_told_so(method, seed, tmp_path, capsy
     assert (out / "distances.csv").read_bytes().startswith(b"\xef\xbb\xbf"), "spreadsheets take the name for Latin letters"
     assert table(out / "distances.csv")["statistic"]["share without counterpart"] == "1"
     assert table(out / "distances.csv")["comparison"]["before"].endswith("Büro.las")
+    for drawn in pages[0].axes[: len(VIEWS)]:
+        for axis, side in ((drawn.xaxis, 0), (drawn.yaxis, 1)):
+            boxes = [label.get_window_extent() for label in axis.get_ticklabels()]
+            ends = sorted((box.min[side], box.max[side]) for box in boxes)
+            assert ends and all(after[0] > before[1] for before, after in pairwise(ends))
     with Image.open(out / "distances.png") as picture:
         assert picture.size == (1920, 1200)
 

@@ -1,5 +1,6 @@
 """``distances.png``: maps of the change from above and from two sides, the histogram, and what a reader needs to judge them."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 NAME = "distances.png"
 _SIZE, _DPI = (16.0, 10.0), 120
 """Inches, and pixels an inch: 1920 x 1200."""
+_MOST_LABELS, _APART = 6, 6.0
+"""Intervals between the labels of an axis at most, and pixels between two labels at least."""
 _INK, _QUIET = "#16191d", "#6a7078"
 _METHODS = {METHOD: "Each point to the nearest triangle of the model",
             "m3c2": "M3C2: means of both scans in a cylinder along the local normal",
@@ -56,10 +59,32 @@ def _maps(figure: "Figure", after: Cloud, distances: Distances, found: Statistic
         page.set_title(title, fontsize=10, color=_INK, loc="left")
         page.tick_params(labelsize=7, colors=_QUIET)
         page.ticklabel_format(useOffset=False, style="plain")
-        page.locator_params(nbins=6)
+        _space_labels(page)
         for spine in page.spines.values():
             spine.set_color("#c9cdd2")
         meter.update(1)
+
+
+def _space_labels(page: Any) -> None:
+    """Labels both axes of a map as densely as its size on the page allows, each at one place at least."""
+    from matplotlib.ticker import FixedLocator
+
+    page.apply_aspect()  # its final size, which the equal scale of both axes gives it
+    renderer = page.figure.canvas.get_renderer()
+    for axis, side in ((page.xaxis, 0), (page.yaxis, 1)):
+        low, high = sorted(axis.get_view_interval())
+        at = np.zeros(0)
+        for most in range(_MOST_LABELS, 0, -1):
+            page.locator_params(axis.axis_name, nbins=most)
+            at = axis.get_majorticklocs()
+            at = at[(at >= low) & (at <= high)]
+            axis.get_tightbbox(renderer)  # updates the labels
+            boxes = [tick.label1.get_window_extent(renderer) for tick in axis.get_major_ticks()]
+            ends = sorted((box.min[side], box.max[side]) for box in boxes if box.width > 0)
+            if len(at) and all(after[0] - before[1] >= _APART for before, after in pairwise(ends)):
+                break
+        else:
+            axis.set_major_locator(FixedLocator(at[:1] if len(at) else [(low + high) / 2]))
 
 
 def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, found: Statistics, factor: float,
