@@ -12,7 +12,9 @@ from .levels import (  # fmt: skip
     CONFIDENCE,
     DENSITY_BLOCK,
     DEPTH,
+    FEW,
     HIGH_PER_LEVEL,
+    MANY,
     MOST_OF_HIGH,
     NOISE,
     SAME_SURFACE,
@@ -27,7 +29,8 @@ _LEAST_ROWS = 64
 
 @compiled(nogil=True)
 def _count(packed, shares, first, last):
-    """Rows ``first`` to ``last`` of :func:`model.network.levels.sparse`: shares (h, w).  packed: (H, W, C)."""
+    """Rows ``first`` to ``last`` of the shares (h, w) of :func:`model.network.levels.sparse`, before it looks at them all.
+    packed: (H, W, C)."""
     height, width = packed.shape[0], packed.shape[1]
     for v in range(first, last):
         bottom = min((v + 1) * DENSITY_BLOCK, height)
@@ -121,7 +124,8 @@ def sparse_blocks(packed: np.ndarray) -> np.ndarray:
     """(h, w) float32 of :func:`model.network.levels.sparse`.  packed: (H, W, C) float32."""
     shares = np.empty(tuple(-(-side // DENSITY_BLOCK) for side in packed.shape[:2]), np.float32)
     in_rows(len(shares), _LEAST_ROWS // DENSITY_BLOCK, _count, packed, shares)
-    return shares
+    many = (float(shares.mean()) - FEW) / (MANY - FEW)
+    return shares * np.float32(min(max(many, 0.0), 1.0))
 
 
 def halved_pixels(packed: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from .blend_cpu import Blender
 from .engines import fold_normalisation
 from .interruption import check
 from .level_loops import halved_pixels, merge, sparse_blocks
-from .levels import LEAST_SIDE, merged
+from .levels import DENSITY_BLOCK, LEAST_SIDE, merged, region
 from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from .qualities import QUALITIES
 from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
@@ -177,10 +177,12 @@ class Reconstructor:
         shares = sparse_blocks(packed.numpy()) if levels and large else np.zeros(0)
         made = self._averaged(packed)
         if shares.any():
-            coarse = self._merged_on_cpu(torch.from_numpy(halved_pixels(packed.numpy())), levels - 1).float().numpy()
-            picture = made.float().numpy()
-            merge(packed.numpy(), picture, coarse, shares)
-            made = torch.from_numpy(picture).half()
+            part = region(torch.from_numpy(shares), *packed.shape[:2])
+            blocks = shares[tuple(slice(side.start // DENSITY_BLOCK, -(-side.stop // DENSITY_BLOCK)) for side in part)]
+            near, picture = packed[part].contiguous(), made[part].float().contiguous()
+            coarse = self._merged_on_cpu(torch.from_numpy(halved_pixels(near.numpy())), levels - 1).float()
+            merge(near.numpy(), picture.numpy(), coarse.numpy(), np.ascontiguousarray(blocks))
+            made[part] = picture.half()
         return made
 
     def _averaged(self, packed: Tensor) -> Tensor:

@@ -22,7 +22,7 @@ def packed_pixels(rng, density, size) -> torch.Tensor:
 def test_the_loops_merge_as_the_reference_does_and_dense_places_stay_to_the_byte(levels, seed):
     rng = np.random.default_rng(seed)
     size = tuple(int(v) for v in rng.integers(70, 160, 2))
-    packed = packed_pixels(rng, rng.uniform(0.02, 0.3), size)
+    packed = packed_pixels(rng, rng.uniform(0.02, 0.15), size)
     dense = size[1] // 3
     packed[:, :dense, 3] = 1.0
     one, several = (Reconstructor("fast", filtered=True, device="cpu", precision="fp32", levels=n) for n in (0, levels))
@@ -36,6 +36,11 @@ def test_the_loops_merge_as_the_reference_does_and_dense_places_stay_to_the_byte
     assert (made.float() - wanted.float()).abs().max() < 3e-3
     assert torch.equal(made[:, : dense - 16], alone[:, : dense - 16]) and torch.equal(made[..., 3], alone[..., 3])
     assert not torch.equal(made, alone)
+    packed[..., 3] = 1.0
+    packed[16:56, 24:, 3] = 0.0
+    made = several(packed)
+    wanted = merged(planes, packed.permute(2, 0, 1)[None], levels)[0].permute(1, 2, 0)
+    assert (made.float() - wanted.float()).abs().max() < 3e-3 and not torch.equal(made, one(packed))
     packed[..., 3] = 1.0
     assert torch.equal(several(packed), one(packed)), "a dense picture is the network's own"
 
@@ -53,10 +58,13 @@ def test_half_the_size_keeps_the_nearest_surface_and_averages_its_noise():
 
 
 def test_how_sparse_a_place_is_follows_from_the_distance_between_its_points():
-    for apart, expected in ((1, 0.0), (2, 1.0), (4, 1.0)):
-        confidence = torch.zeros(1, 1, 50, 70)
+    for apart, expected in ((1, 0.0), (3, 1.0), (5, 1.0)):
+        confidence = torch.zeros(1, 1, 48, 96)
         confidence[..., ::apart, ::apart] = 1.0
         assert (sparse(confidence) - expected).abs().max() < 0.15, apart
+    confidence = torch.ones(1, 1, 96, 96)
+    confidence[..., :16, :16] = 0.0
+    assert not sparse(confidence).any(), "one block of 36 is not worth the time"
 
 
 def test_background_far_from_the_picture_is_left_out_of_both_sizes():
