@@ -28,24 +28,6 @@ _LEAST_ROWS = 64
 
 
 @compiled(nogil=True)
-def _count(packed, shares, first, last):
-    """Rows ``first`` to ``last`` of the shares (h, w) of :func:`model.network.levels.sparse`, before it looks at them all.
-    packed: (H, W, C)."""
-    height, width = packed.shape[0], packed.shape[1]
-    for v in range(first, last):
-        bottom = min((v + 1) * DENSITY_BLOCK, height)
-        for u in range(shares.shape[1]):
-            right, held = min((u + 1) * DENSITY_BLOCK, width), 0
-            for y in range(v * DENSITY_BLOCK, bottom):
-                for x in range(u * DENSITY_BLOCK, right):
-                    if packed[y, x, CONFIDENCE] > 0:
-                        held += 1
-            density = held / ((bottom - v * DENSITY_BLOCK) * (right - u * DENSITY_BLOCK))
-            share = (CLOSE**-2 - density) / (CLOSE**-2 - APART**-2)
-            shares[v, u] = min(max(share, 0.0), 1.0)
-
-
-@compiled(nogil=True)
 def _halve(packed, made, first, last):
     """Rows ``first`` to ``last`` of :func:`model.network.levels.halved`: made (h, w, C) from packed (H, W, C), float32."""
     height, width, channels = packed.shape
@@ -91,7 +73,7 @@ def _change(picture, coarse, change, first, last):
 @compiled(nogil=True)
 def _merge(packed, picture, coarse, low, shares, first, last):
     """Rows ``first`` to ``last`` of picture (H, W, 4), merged in place.  packed: (H, W, C).  coarse: (h, w, 4).
-    low: (3, h, w).  shares: of _count."""
+    low: (3, h, w).  shares: of :func:`sparse_blocks`."""
     rows, columns = coarse.shape[0], coarse.shape[1]
     width, blocks_down, blocks_across = picture.shape[1], shares.shape[0], shares.shape[1]
     for y in range(first, last):
@@ -122,8 +104,18 @@ def _merge(packed, picture, coarse, low, shares, first, last):
 
 def sparse_blocks(packed: np.ndarray) -> np.ndarray:
     """(h, w) float32 of :func:`model.network.levels.sparse`.  packed: (H, W, C) float32."""
-    shares = np.empty(tuple(-(-side // DENSITY_BLOCK) for side in packed.shape[:2]), np.float32)
-    in_rows(len(shares), _LEAST_ROWS // DENSITY_BLOCK, _count, packed, shares)
+    (height, width), side = packed.shape[:2], DENSITY_BLOCK
+    rows, columns = -(-height // side), -(-width // side)
+    kept, inside = np.zeros((2, rows * side, columns * side), np.uint8)
+    np.greater(packed[..., CONFIDENCE], 0, out=kept[:height, :width], casting="unsafe")
+    inside[:height, :width] = 1
+
+    def counts(pixels: np.ndarray) -> np.ndarray:
+        down = pixels.reshape(rows, side, -1).sum(1, dtype=np.uint8)  # of bytes first: a tenth of the time of a loop
+        return down.reshape(rows, columns, side).sum(2, dtype=np.int32)
+
+    density = counts(kept) / counts(inside)
+    shares = np.clip((CLOSE**-2 - density) / (CLOSE**-2 - APART**-2), 0.0, 1.0).astype(np.float32)
     many = (float(shares.mean()) - FEW) / (MANY - FEW)
     return shares * np.float32(min(max(many, 0.0), 1.0))
 
