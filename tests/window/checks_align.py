@@ -22,6 +22,21 @@ MARKS = np.array([[3.0, 1.2, 0.9], [0.2, 2.5, 0.9], [-3.0, -1.0, 0.2]])
 """On three walls, seen from both places."""
 
 
+def _compare_takes_what_align_states(p: Person) -> None:
+    """Compare begins with the uncertainty that ICP stated of the moved scan; that of its distances is no smaller."""
+    session, tool, stated = p.d.session, tool_of(p, "compare"), p.d.session.document.scans[1].unsure
+    assert stated is not None and 0 < stated < 0.02, stated
+    p.click(f"{icons.COMPARE}##compare")
+    p.d.until(lambda: tool.registration == stated)
+    p.click("Compare")
+    p.d.until(lambda: tool.worker is None and session.document.comparison is not None and tool.coloured is not None)
+    comparison, found = session.document.comparison, tool.coloured.found
+    assert comparison.registration == stated and found.uncertainty >= stated and abs(found.median) < found.uncertainty
+    p.key("ctrl+z")
+    p.d.until(lambda: session.document.comparison is None)
+    p.click(f"{icons.ALIGN}##align")
+
+
 def check_three_pairs_and_icp_bring_a_scan_to_its_place_and_undo_puts_it_back(p: Person, folder: Path) -> None:
     rng, d, session = np.random.default_rng(), p.d, p.d.session
     truth = rigid(rotation_about(np.array([0.0, 0.0, 1.0]), rng.uniform(-10, 10)), np.array([*rng.uniform(8, 10, 2), 0.1]))
@@ -74,6 +89,7 @@ def check_three_pairs_and_icp_bring_a_scan_to_its_place_and_undo_puts_it_back(p:
     d.rest()
     assert off() < min(by_pairs, 0.006), (off(), by_pairs)
     d.picture("aligned")
+    _compare_takes_what_align_states(p)
     p.key("ctrl+z")
     d.until(lambda: session.loads.current is None and off() == by_pairs)
     p.key("ctrl+z")
