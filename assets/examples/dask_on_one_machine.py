@@ -27,7 +27,7 @@ def main(out: Path) -> None:
                    out / "transforms.json", "--view", "filled", "--out", out, "--scheduler", cluster.scheduler_address,
                    "--verbose"]  # fmt: skip
         done = subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True)
-    print(done.stderr.strip().splitlines()[0])
+    print(*(line for line in done.stderr.splitlines() if "Dask:" in line), sep="\n")
     print(done.stdout.strip())
 
 

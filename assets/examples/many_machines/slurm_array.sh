@@ -12,7 +12,8 @@
 #SBATCH --time=02:00:00
 set -euo pipefail
 scan=$1 cameras=$2 out=$3
-export POINTGLASS_CACHE=${POINTGLASS_CACHE:-$out.cache}  # the grid, built once before: `pointglass info SCAN`
+# of the grid, which all tasks build at once where it was not built before: `POINTGLASS_CACHE=OUT.cache pointglass info SCAN`
+export POINTGLASS_CACHE=${POINTGLASS_CACHE:-$out.cache}
 first=${SLURM_ARRAY_TASK_ID:-0} count=${SLURM_ARRAY_TASK_COUNT:-${TASKS:-2}}
 last=$first
 [[ -n ${SLURM_ARRAY_TASK_ID:-} ]] || last=$((count - 1))
