@@ -17,7 +17,9 @@ from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.projected_coverage import SQUARES, UNKNOWN
 from pointglass.viewer.grid.scene import Scene, unpack
 from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.render.culling.crowding import ENOUGH
 from pointglass.viewer.render.culling.cull import Culler
+from pointglass.viewer.render.culling.cull_kernels import FEW
 from pointglass.viewer.render.raster.batches import BatchTable, PageMap
 
 SCENE = room(5, 20_000)
@@ -38,8 +40,9 @@ def first_of_parts(parts: int) -> list[int]:
 
 
 
-def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
-    """What Culler.select should give: every cell asked, all layers as one table.  The sums in the same order."""
+def plain_select(scene: Scene, camera: Camera, lod: float | None, kept: np.ndarray) -> dict:
+    """What Culler.select should give: every cell asked, all layers as one table.  The sums in the same order.  kept: (C,), the
+    share of the points wanted of each cell."""
     size, r = scene.cell_size, camera.view_rotation
     left, right = camera.cx + 1.0, camera.width - camera.cx + 1.0
     top, bottom = camera.cy + 1.0, camera.height - camera.cy + 1.0
@@ -70,12 +73,16 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
             shares = scene.faces[rows].astype(float)
             seen = shares[:, 0] * np.abs(px[rows]) + shares[:, 1] * np.abs(py[rows]) + shares[:, 2] * np.abs(pz[rows])
             need = np.where(scene.faces[rows, 0] == UNKNOWN, need, need * (seen / (SQUARES * np.maximum(z[rows], nearest))))
+        need = need * kept[rows]
+        turned = np.array([int(f"{row & 0xFFFF:016b}"[::-1], 2) for row in rows.tolist()], float)
+        drawn = (need >= FEW) | (need * (65536.0 / FEW) > turned)
+        rows, need, counts = rows[drawn], np.maximum(need[drawn], FEW), counts[:, drawn]
         held = np.cumsum(counts, axis=0)
         before = np.vstack([np.zeros((1, len(rows)), int), held[:-1]])
         counts = np.where(before >= need, 0, counts)
         order = first_of_parts(scene.parts)
         for layer, slot in np.argwhere((counts > 0) & (held > need)):
-            number = np.arange(counts[layer, slot])  # of those, every so many, then those midway, ...
+            number = np.arange(int(counts[layer, slot]))  # of those, every so many, then those midway, ...
             taken = int(np.ceil(scene.parts * (need[slot] - before[layer, slot]) / len(number)))
             counts[layer, slot] = np.isin(number % scene.parts, order[:taken]).sum()
     layer, slot = np.nonzero(counts)
@@ -147,8 +154,11 @@ def test_two_levels_in_compiled_loops_give_what_plain_numpy_gives(seed, block, c
     found = 0
     for number in range(40):
         camera, lod = any_camera(rng, scene), LODS[number % len(LODS)]
-        wanted, got = plain_select(scene, camera, lod), as_dict(culler.select(camera, lod))
-        assert np.array_equal(culler.visible(camera), wanted["cells"]), f"frustum {number}: {camera}"
+        got, share = as_dict(culler.select(camera, lod)), np.ones(len(scene.cell_coords))
+        if scene.faces is not None and lod is not None:
+            share = np.repeat(culler.share, block)[: len(share)]
+        wanted = plain_select(scene, camera, lod, share)
+        assert np.array_equal(culler.visible(camera, lod or 0.0), wanted["cells"]), f"frustum {number}: {camera}"
         for name, value in wanted.items():
             assert np.array_equal(got[name], value), f"{name}, lod {lod}, frustum {number}: {camera}"
         found += 0 < len(wanted["cells"]) < len(scene.cell_coords) or cells == 1
@@ -200,6 +210,33 @@ def test_a_wall_gets_as_many_points_as_it_covers_pixels(seed, lod):
         wanted, plain = (Culler(s).select(camera, lod).points for s in (scene, replace(scene, faces=None)))
         assert 0.8 * lod * covered < wanted < 3 * lod * covered  # cells reach beyond the picture
         assert wanted < (1.15 if eye[1] < -1 else 0.6) * plain
+
+
+def walls_of_cells(depths: list[int], side: int = 40) -> Scene:
+    """Walls across y of side x side cells, each covered wholly, 600 points in each cell."""
+    x, z = np.meshgrid(np.arange(side), np.arange(side))
+    coords = np.concatenate([np.stack([x.ravel(), np.full(x.size, depth), z.ravel()], axis=1) for depth in depths])
+    coords = coords[morton_order(coords)].astype(np.int32)
+    faces = np.tile(np.array([0, SQUARES, 0], np.uint8), (len(coords), 1))
+    ends = np.arange(len(coords) + 1) * 600
+    bounds = np.array([coords.min(axis=0), coords.max(axis=0) + 1]).astype(float)
+    return Scene(np.zeros((0, 3), np.uint32), coords, ends, np.zeros(3), 1.0, 1, int(ends[-1]), 0.01, bounds,
+                 parts=64, faces=faces)  # fmt: skip
+
+
+def test_what_many_surfaces_hide_is_thinned_and_what_stands_alone_is_not():
+    eye = np.array([20.0, -60.0, 20.0])
+    camera = Camera(320, 240, 200.0, 200.0, 160.0, 120.0, look_at(eye, eye + (0.0, 1.0, 0.0)))
+    one = Culler(walls_of_cells([0])).select(camera, 1.0).points
+    few = Culler(walls_of_cells([0, 4]))
+    assert few.select(camera, 1.0).points > one and (few.share == 1.0).all()
+    for walls in (20, 100):
+        culler = Culler(walls_of_cells(list(range(0, 4 * walls, 4))))
+        draw = culler.select(camera, 1.0)
+        assert one < draw.points < 2.5 * ENOUGH * one and culler.share.min() > 0
+        depth = culler.scene.cell_coords[:: 64, 1]
+        assert (culler.share[depth < 8] == 1.0).all() and culler.share[depth > 4 * (ENOUGH + 8)].max() < 1.0
+        assert culler.select(camera).points == culler.scene.count  # without a level of detail
 
 
 def test_a_view_past_everything_draws_nothing():

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...grid.density_layers import part_extra
+from .crowding import TILE, crowded, faces_of_blocks
 from .cull_kernels import list_runs, visible_cells
 
 if TYPE_CHECKING:
@@ -44,7 +45,8 @@ class DrawList:
 class Culler:
     """Selects cells and layers.  Holds data derived from the scene, and the arrays that it writes into.
 
-    block: cells in a block.
+    block: cells in a block.  share: (B,) float64, which share of the points wanted of each block was drawn last with a level of
+    detail; (0,) where the scene has no coverage.
     """
 
     def __init__(self, scene: "Scene", *, block: int = BLOCK):
@@ -63,6 +65,9 @@ class Culler:
         self._extra = part_extra(scene.parts)
         self._coverage = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
         self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
+        self._faces = np.empty((len(self._blocks), 3)) if len(self._coverage) else np.empty((0, 3))
+        faces_of_blocks(self._coverage, block, self._faces)
+        self._order, self.share = np.empty(len(self._faces), np.int64), np.ones(len(self._faces))
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
         self._reserve(0)
@@ -82,7 +87,8 @@ class Culler:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
 
         Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further
-        out, or behind the camera.  lod: points wanted per pixel, stored for each cell; 0: all.
+        out, or behind the camera.  lod: points wanted per pixel, stored for each cell; 0: all.  With it, cells so small in the
+        picture that they stand for each other are left out, too (viewer.render.culling.cull_kernels.FEW).
         """
         size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
         left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
@@ -94,10 +100,14 @@ class Culler:
             planes[:4, 2] = 0.0
         sides = np.abs(planes @ rotation)
         corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
+        lens, shift = np.array([camera.fx, camera.fy, left, right, top, bottom]), self.scene.origin - camera.position
+        share = self.share[:0]
+        if lod > 0.0 and camera.orthographic is None and len(self._faces):
+            tiles, share = np.empty((-(-camera.height // TILE), -(-camera.width // TILE))), self.share
+            crowded(self._blocks, self._faces, size, shift, rotation, lens, tiles, self._order, share)
         found = visible_cells(
-            self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
-            np.array([camera.fx, camera.fy, left, right, top, bottom]), camera.orthographic or 0.0, sides, corner, lod,
-            self._coverage, self._boxes, self._cells, self._cell_view, self._need,
+            self._coords, self._blocks, self._block, size, shift, rotation, lens, camera.orthographic or 0.0, sides, corner,
+            lod, self._coverage, self._boxes, share, self._cells, self._cell_view, self._need,
         )  # fmt: skip
         return self._cells[:found]
 

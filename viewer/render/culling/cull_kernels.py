@@ -18,6 +18,13 @@ ROUNDING = 1e-12
 WIDER = 1 + 1e-9
 """Factor of a cell's box in its frustum test: above the float64 rounding of the test."""
 
+FEW = 2.0
+"""Points wanted of a cell below which cells stand for each other: a share of them is drawn, each with FEW points.  600 files of
+a campus seen from above at one point a pixel: the picture differs by 46, 45 and 41 dB with 1, 2 and 4 from that with all cells
+(without it 34 dB from that of all points), and has 12, 20 and 33 % fewer cells."""
+STEPS = 1 << 16
+"""Shares of cells that can be told apart."""
+
 
 @compiled(inline="always")
 def code_of_box(x0, y0, z0, x1, y1, z1):
@@ -29,8 +36,18 @@ def code_of_box(x0, y0, z0, x1, y1, z1):
 WHOLE_CODE = code_of_box(*(int(side) for side in WHOLE))
 
 
+@compiled(inline="always")
+def place_in_turn(row):
+    """The place of a cell among STEPS, by its row with the bits reversed: the cells that come first are spread evenly (van der
+    Corput's sequence) over successive rows, which lie side by side."""
+    turned = (row & 0x00FF) << 8 | (row & 0xFF00) >> 8
+    turned = (turned & 0x0F0F) << 4 | (turned & 0xF0F0) >> 4
+    turned = (turned & 0x3333) << 2 | (turned & 0xCCCC) >> 2
+    return (turned & 0x5555) << 1 | (turned & 0xAAAA) >> 1
+
+
 @compiled(nogil=True)
-def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, sides, corner, lod, faces, boxes, cells,
+def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, sides, corner, lod, faces, boxes, share, cells,
                   cell_view, need):
     """Cells that intersect the frustum, by ascending row.  Returns how many.
 
@@ -42,13 +59,16 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, si
     corner: (3,) view vector from a cell's middle to its first step's.  lod: points wanted a pixel, 0 for all.
     faces: (C, 3) uint8 as in Scene, or (0, 3): each cell is taken for a wall across all of it, seen at a right angle.
     boxes: (C, 6) uint8 as in Scene, or (0, 6): the cells'.
+    share: (B,) float64, which share of the points wanted of each block is drawn (viewer.render.culling.crowding), or (0,): all.
+    Cells of which fewer than FEW points are wanted stand for each other: so many are left out that as many points as are
+    wanted of all remain; those drawn from far are drawn from nearer, too.
     Writes cells (C,) int32, cell_view (C, 4) float32, need (C,) float64, the points wanted of the cell.
     """
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
     r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
     r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
-    found, share, half = 0, 0.5 * size / SHARES, 0.5 * size
+    found, part, half = 0, 0.5 * size / SHARES, 0.5 * size
     for block in range(blocks.shape[0]):
         px = blocks[block, 0] * size + shift[0]
         py = blocks[block, 1] * size + shift[1]
@@ -81,7 +101,15 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, si
                 inside = False
         if outside:
             continue
-        for row in range(block * per, min((block + 1) * per, coords.shape[0])):
+        drawn, first, stride = share[block] if share.size > 0 else 1.0, block * per, 1
+        if drawn < 1.0:  # far: where few points are wanted of any of its cells, only rows whose lowest bits are 0 can be drawn
+            near = max(z - (abs(r20) * hx + abs(r21) * hy + abs(r22) * hz), half)
+            most = lod * drawn * (size * fx / near) * (size * fy / near)
+            most *= max(1.0, (abs(px) + abs(py) + abs(pz) + hx + hy + hz) / near)
+            while stride < per and 2.0 * most * stride < FEW:
+                stride *= 2
+            first = (first + stride - 1) // stride * stride
+        for row in range(first, min((block + 1) * per, coords.shape[0]), stride):
             px = (coords[row, 0] + 0.5) * size + shift[0]
             py = (coords[row, 1] + 0.5) * size + shift[1]
             pz = (coords[row, 2] + 0.5) * size + shift[2]
@@ -98,8 +126,8 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, si
                 x0, y0, z0 = np.int64(boxes[row, 0]), np.int64(boxes[row, 1]), np.int64(boxes[row, 2])
                 x1, y1, z1 = np.int64(boxes[row, 3]), np.int64(boxes[row, 4]), np.int64(boxes[row, 5])
                 cell_view[found, 3] = code_of_box(x0, y0, z0, x1, y1, z1)
-                hx, hy, hz = (x1 - x0 + 1) * share, (y1 - y0 + 1) * share, (z1 - z0 + 1) * share
-                dx, dy, dz = (x0 + x1 + 1 - SHARES) * share, (y0 + y1 + 1 - SHARES) * share, (z0 + z1 + 1 - SHARES) * share
+                hx, hy, hz = (x1 - x0 + 1) * part, (y1 - y0 + 1) * part, (z1 - z0 + 1) * part
+                dx, dy, dz = (x0 + x1 + 1 - SHARES) * part, (y0 + y1 + 1 - SHARES) * part, (z0 + z1 + 1 - SHARES) * part
                 px, py, pz = px + dx, py + dy, pz + dz
                 x += r00 * dx + r01 * dy + r02 * dz
                 y += r10 * dx + r11 * dy + r12 * dz
@@ -126,6 +154,11 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, parallel, si
                     else:
                         seen = faces[row, 0] * abs(px) + faces[row, 1] * abs(py) + faces[row, 2] * abs(pz)
                         need[found] *= seen / (SQUARES * max(z, nearest))
+                need[found] *= drawn
+                if need[found] < FEW:
+                    if need[found] * (STEPS / FEW) <= place_in_turn(row):
+                        continue
+                    need[found] = FEW
             found += 1
     return found
 
