@@ -20,6 +20,7 @@ RESULTS = {
     "exchange_cameras": {"colmap", "transforms.json", "view_0.png", "view_1.png", "view_2.png"},
     "export_selection": {"corner.laz", "station.laz"},
     "film_along_keyframes": {"camera_path.json", "walk.mp4"},
+    "film_in_flight": {"flight.mp4"},
     "measure_room": {"room.csv", "room.dxf", "room.geojson"},
     "points_from_numpy": {"sphere.png"},
     "read_points": {"points.npz", "heights.png"},
@@ -31,7 +32,8 @@ SAID = {
     "compare_views": "13.0% filled", "dask_on_one_machine": "Dask: 2 tasks at a time on 1 host",
     "draw_section": "2 sheets", "e57_photographs": "living room: pinhole",
     "exchange_cameras": "3 cameras; poses differ by at most", "export_selection": "points in a quarter",
-    "film_along_keyframes": "walk.mp4", "measure_room": "height  2.70", "points_from_numpy": "150,000 points, 2 stations",
+    "film_along_keyframes": "walk.mp4", "film_in_flight": "with the neural picture moved: 3",
+    "measure_room": "height  2.70", "points_from_numpy": "150,000 points, 2 stations",
     "read_points": "13,500 points read",
     "render_picture": "4 pictures", "splats_and_notebook": "splats of a corner",
 }  # fmt: skip
