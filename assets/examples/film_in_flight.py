@@ -27,7 +27,7 @@ RATE = 15
 
 
 def flight(scan: str | Path, size: tuple[int, int], frames: int) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-    """The neural, the filled and the moved picture of each frame, (H, W, 3) uint8, on the way along a quarter of the scan."""
+    """The neural, the filled and the moved picture of each frame, (H, W, 3) uint8, on an arc around the middle of the scan."""
     context = create_context()
     scene = open_scene(scan)
     renderer, programs = Renderer(context, scene), Programs(context)
@@ -39,8 +39,7 @@ def flight(scan: str | Path, size: tuple[int, int], frames: int) -> tuple[list[n
     for number in range(frames):
         turn = 0.02 * number
         eye = middle + reach * np.array([np.cos(turn), np.sin(turn), 0.0])
-        ahead = np.array([-np.sin(turn + 0.6), np.cos(turn + 0.6), -0.1])
-        camera = from_fov(*size, 70.0, look_at(eye, eye + ahead))
+        camera = from_fov(*size, 70.0, look_at(eye, middle))
         frame = renderer.render(camera, Settings(view="neural"), ("filled", "neural"), filled_depth=True)
         assert frame.filled_depth is not None
         shown = filled = frame.image("filled")[..., :3]
