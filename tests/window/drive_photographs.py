@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from drive_dialogs import Person, main
+from x_keyboard import xdo
 
 from pointglass.viewer.commands.photo_placing import photo_search
 from pointglass.viewer.window.flight.navigation import view_along
@@ -86,6 +87,37 @@ def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undon
     assert read_project(folder / "placed.pointglass").photographs == (placed,)
     p.key("ctrl+z")
     assert work.document.photographs == ()
+
+
+def check_several_files_are_placed_at_once_and_one_that_is_no_photograph_is_named(p: Person, folder: Path) -> None:
+    pictures = folder / "several"
+    pictures.mkdir()
+    for number, yaw in enumerate((0.6, 0.75)):
+        taken = pinhole((0.4, -0.3, 0.2 + 0.1 * number), yaw, size=(640, 480), fl=420.0, coding="jpeg")
+        (pictures / f"{number}.jpg").write_bytes(next(iter(taken.blobs.values())))
+    (pictures / "2.jpg").write_bytes(b"no photograph")
+    tool, session = p.d.app.toolbox.active, p.d.session
+    p.click("Place photographs…")
+    p.listed()
+    p.type(f"{pictures}/")
+    p.listed()
+    (left, top), (right, bottom) = p.items.find("##row")  # of the last of three rows
+    xdo("mousemove", round((left + right) / 2), round((top + bottom) / 2), "click", 1)
+    p.d.until(lambda: p.choice.chosen == {"2.jpg"} or p.choice.cursor == 2)
+    xdo("mousemove", round((left + right) / 2), round((top + bottom) / 2 - 2 * (bottom - top)))
+    p.d.settle()
+    xdo("keydown", "shift", "click", 1, "keyup", "shift")
+    p.d.until(lambda: len(p.choice.chosen) == 3)
+    p.key("Return")
+    p.d.until(lambda: tool.placer.worker is not None or tool.placer.said)
+    p.d.until(lambda: tool.placer.worker is None, 200.0)
+    assert len(session.document.photographs) == 2 and len(tool.placer.said) == 3, tool.placer.said
+    assert [line for line in tool.placer.said if line.startswith("2.jpg: where it was taken was not found")], tool.placer.said
+    for number, placed in enumerate(session.document.photographs):
+        place = np.array(placed.camera_to_world)[:3, 3] - AWAY
+        assert np.linalg.norm(place - (0.4, -0.3, 0.2 + 0.1 * number)) < 0.06, place
+    p.key("ctrl+z")
+    assert session.document.photographs == ()
 
 
 CHECKS = {name.removeprefix("check_"): made for name, made in list(globals().items()) if name.startswith("check_")}
