@@ -75,7 +75,7 @@ def test_true_diameters_lie_inside_what_two_clicks_on_silhouettes_state(seed):
     stated = np.array([evaluate(item).uncertainty for _, item in made])
     narrow = [evaluate(replace(item, points=tuple(replace(point, beyond=None) for point in item.points))).uncertainty
               for _, item in made]
-    assert np.mean(np.abs(off) <= stated) >= 0.95
+    assert np.mean(np.abs(off) <= stated) >= 0.9  # 95 % of some 110: fewer than 90 % are inside in 1 of 100 runs at most
     assert np.mean(np.abs(off) <= narrow) < 0.75, "without the silhouette, half of the truths lie outside"
     told = [item for _, item in made if all(point.beyond is not None for point in item.points)]
     assert len(told) > 0.8 * len(made)

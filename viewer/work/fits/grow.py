@@ -41,8 +41,6 @@ SETTLED = 0.01
 """Change of the piece's area from one round to the next at which it is taken to be found."""
 _ALTERNATING = 0.001
 """Change from the last round but one at which two pieces alternate, whose difference is larger than SETTLED."""
-_ALIKE = 0.02
-"""Change of the number of points in the same window up to which their spacing is not measured again."""
 _ROUNDS = 20
 _SAME, _COMPARED = 0.5, 200
 """Distance between two surfaces, in the noise, up to which a start is dropped that leads to what another has found: of a clear
@@ -181,12 +179,11 @@ def _grow(in_box: InBox, surface: Surface, around: _Around, half: float, longest
     """The piece around the click that lies on a surface near ``surface``.  half: of the first window.
     Raises NoFit, of a piece that is one of ``known``, too; ValueError."""
     sigma, most = around.noise, CREEP * around.noise
-    areas, points, cell, measured = [0.0, 0.0], around.points, _CELL * around.spacing, (0.0, 0)
+    areas, points, cell = [0.0, 0.0], around.points, _CELL * around.spacing
     for _ in range(_ROUNDS):
         tolerance = WITHIN * sigma
         points, at, border = _window(in_box, surface, half, tolerance)
-        if half != measured[0] or abs(len(points) - measured[1]) > _ALIKE * len(points):
-            cell, measured = max(_CELL * spacing_of(points.xyz), 0.004 * half), (half, len(points))
+        cell = max(_CELL * spacing_of(points.xyz), 0.004 * half)
         points = points.where(np.abs(surface.distances(points.xyz)) <= tolerance)
         piece = connected(surface.unrolled(points.xyz), at, cell, surface.circumference, border)
         points = points.where(piece.of_points)

@@ -91,7 +91,7 @@ def in_scene(scene: "Scene", place: np.ndarray, kept: "Kept | None" = None, most
         index, xyz, seen = read(rows, counts, AT_ONCE, *box)
         if seen < counts[-1] and len(index) < most:
             index, xyz, seen = read(rows, counts, min(_SURE * most / max(len(index), 1) * seen, LOOKED), *box)
-        looked = seen / max(counts[-1], 1)
+        looked = seen / counts[-1] if counts[-1] else 1.0
         if len(index) > most:
             step = len(index) / most
             chosen = (np.arange(most) * step).astype(np.int64)
