@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 import pointglass
 from pointglass.viewer.work.fits.fit import Fit
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 PIPES = {"pumpA.e57": 8, "plant_room.laz": 3}
 """Pipes of each scan, at random clicks; few of the cellar's points lie on one."""
 CLICKS = 250
