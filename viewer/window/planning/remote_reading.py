@@ -116,6 +116,11 @@ class RemoteReading:
         return f"{here}; {bytes_text(state.left)} to fetch for this view." if state.left else f"{here}: all that is in view."
 
     @property
+    def how(self) -> str:
+        """The end of a sentence that asks for all points: how they come, where only what is in view is read."""
+        return f": Load all points (left) fetches {bytes_text(self.state.size)}" if self.on else ""
+
+    @property
     def notice(self) -> ScanNotice:
         """The offer to read all."""
         assert self._begun is not None

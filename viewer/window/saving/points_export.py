@@ -45,7 +45,8 @@ class PointsExport:
         all that are in sight."""
         shown = self._session.shown_scan
         if self._session.scene is None or shown.preview:
-            self._session.notices.toast("The points can be exported when all of them have been read")
+            how = self._session.loads.reading.how
+            self._session.notices.toast(f"The points can be exported when all of them have been read{how}")
         elif self.worker is not None:
             self._session.notices.toast("The last export is still under way")
         elif only is not None:

@@ -51,7 +51,7 @@ class PublishDialog:
     def ask(self, context: "ToolContext") -> None:
         """Opens the dialog."""
         if context.scene is None or context.session.shown_scan.preview:
-            context.toast("The scan can be published when all points have been read")
+            context.toast(f"The scan can be published when all points have been read{context.session.loads.reading.how}")
         elif self.worker is not None:
             context.toast("The last publication is still being written")
         else:

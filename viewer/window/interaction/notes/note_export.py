@@ -40,7 +40,7 @@ class NoteExport:
         """Asks where the file is to be saved, and begins."""
         shown = context.session.shown_scan
         if context.scene is None or shown.preview:
-            context.toast("A report can be made when all points have been read")
+            context.toast(f"A report can be made when all points have been read{context.session.loads.reading.how}")
         elif self.worker is not None or self._waiting is not None:
             context.toast("The last report is still being made")
         else:

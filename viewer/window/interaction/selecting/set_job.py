@@ -27,7 +27,7 @@ class SetJob:
         """Begins ``work``; ``done`` takes its result, unless the sets or the scan have changed by then.  Returns whether it was
         begun: a line says why it was not."""
         if context.scene is None or context.session.shown_scan.preview:
-            context.toast("Points can be selected when all of them have been read")
+            context.toast(f"Points can be selected when all of them have been read{context.session.loads.reading.how}")
         elif self.worker is not None:
             context.toast("The last selection is still under way")
         else:
