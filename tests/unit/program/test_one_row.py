@@ -174,7 +174,8 @@ ui, context = MagicMock(), MagicMock()
 colours.slider_float = colours.slider_int = sliders = MagicMock(return_value=(False, 0.0))
 context.scene, context.document.look = scene, look
 ui.begin_combo.return_value, ui.selectable.return_value = True, (False, False)
-ui.input_float2.return_value = (False, 0.0)
+colours.number_inputs = MagicMock(return_value=(False, (0.0, 1.0)))
+colours.tooltip_beside = MagicMock()
 colours.Colours().panel(ui, context)
 assert "easting" in [call.args[0] for call in ui.selectable.call_args_list]
 assert "##contrast" in [call.args[0] for call in sliders.call_args_list]
