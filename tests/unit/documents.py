@@ -10,7 +10,7 @@ from pointglass.viewer.picture.clip import Box, Slab, vector
 from pointglass.viewer.picture.colour_modes import COLOUR_BY, RAMPS
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.picture.settings import Settings
-from pointglass.viewer.work.document import CameraPath, Document, Keyframe, ScanFile
+from pointglass.viewer.work.document import CameraPath, Document, FilmFormat, Keyframe, ScanFile
 from pointglass.viewer.work.fits.fit import Fit
 from pointglass.viewer.work.measuring.measurement import KINDS, MeasuredPoint, Measurement
 from pointglass.viewer.work.measuring.profile import Profile
@@ -96,7 +96,7 @@ def random_document(random, scans: list[str]) -> Document:
         view=random_view(random, "last view"),
         viewpoints=tuple(random_view(random, f"view {i}") for i in range(3)),
         path=CameraPath(tuple(Keyframe(i + float(random.random()), random_view(random, ""), float(i)) for i in range(5)), 25.0,
-                        True, True),
+                        True, True, format=FilmFormat((320, 180), True, view="filled", quality="best", supersample=2)),
         clips=(Box(vector(random.normal(size=3)), vector(random.random(3) + 0.1), rows, True),
                Slab(vector(random.normal(size=3)), rows[2], 0.5, active=False)),
         measurements=tuple(measurements),

@@ -73,7 +73,7 @@ def check_the_film_panel_makes_a_film_cancels_it_and_goes_on(d: Driver) -> None:
     d.until(lambda: film.path.at > 1.6)
     items.click("Pause")
     film.path.set_length(context, 0.4)
-    film.size, film.view, film.supersample = (160, 90), "filled", 2
+    film.change_format(context, size=(160, 90), view="filled", supersample=2)
     frames = d.folder / "panel frames"
     film.start(context, frames)
     d.until(lambda: film.worker is None or film.worker.done >= 2)
@@ -91,7 +91,7 @@ def check_the_film_panel_makes_a_film_cancels_it_and_goes_on(d: Driver) -> None:
         assert (d.folder / "panel again" / path.name).read_bytes() == path.read_bytes()
     d.app.toolbox.key_event(delete := KeyEvent("DELETE", "press"), context)
     assert delete and len(d.session.document.path.keyframes) == 2
-    for _ in range(6):
+    for _ in range(7):
         d.session.work.undo()
     assert not d.session.document.path.keyframes
     d.session.flight.go_home()

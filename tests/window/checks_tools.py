@@ -191,7 +191,7 @@ def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d:
     d.rest()
     film.path.add_keyframe(context)
     film.path.set_length(context, 0.2)
-    film.size, film.view = (96, 64), "filled"
+    film.change_format(context, size=(96, 64), view="filled")
     for out in ("film.mp4", "frames"):
         film.start(context, d.folder / out)
         turns = 0
@@ -207,8 +207,8 @@ def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d:
     film.worker.cancel()
     d.until(lambda: film.worker is None)
     assert not list(d.folder.glob("*cancelled*"))
-    for _ in range(3):
-        chord(d, "Z")  # length and keyframes
+    for _ in range(4):
+        chord(d, "Z")  # pictures, length and keyframes
     assert not d.session.work.document.path.keyframes
     d.key("ESCAPE")
     d.rest()

@@ -79,7 +79,7 @@ def check_a_picture_that_is_rendered_is_given_up_after_a_question_only(p: Person
 
 def check_the_name_of_a_film_that_is_rendered_is_not_given_to_another_file(p: Person, folder: Path) -> None:
     tool, out = tool_of(p, "film"), folder / "scans" / "walk.mp4"
-    tool.size, tool.view = (64, 48), "filled"
+    tool.change_format(p.d.app.tools, size=(64, 48), view="filled")
     p.key("k")
     p.click("Add keyframe here")
     with held(film_job, "film"):

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ...model.network.qualities import QUALITIES
 from ..common.errors import InputError
 from ..common.rigid_transform import Rows, check_rigid
 from ..common.text import with_whole_characters
@@ -20,6 +21,7 @@ from ..picture.edits import Edits
 from ..picture.json_values import UNLESS_DEFAULT
 from ..picture.regions import hidden_regions
 from ..picture.settings import BACKGROUNDS, Settings
+from ..picture.views import VIEWS
 from .measuring.measurement import MeasuredPoint, Measurement
 from .notes.annotation import Annotation
 from .viewpoint import Viewpoint
@@ -28,6 +30,8 @@ LONGEST_STAY = 3600.0
 """Seconds at a keyframe of a camera path."""
 LONGEST_TITLE, LONGEST_TEXT = 600.0, 300
 """Seconds that a text is shown in a film, and its letters."""
+FILM_SIDES, FILM_SAMPLES = (16, 8192), (1, 2, 3, 4)
+"""Sides of a film's pictures, least and greatest, pixels; samples of a pixel along a side."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +92,40 @@ class Keyframe:
 
 
 @dataclass(frozen=True)
+class FilmFormat:
+    """How the pictures of a film are rendered.  size: pixels, even as H.264 asks for.  panorama: 360 degrees, of
+    ``panorama_size``.  view: of VIEWS.  quality: of the neural view; "": that of the window.  supersample: n x n samples.
+    """
+
+    size: tuple[int, int] = (1920, 1080)
+    panorama: bool = False
+    panorama_size: tuple[int, int] = (4096, 2048)
+    view: str = "neural"
+    quality: str = ""
+    supersample: int = 1
+
+    def __post_init__(self) -> None:
+        low, high = FILM_SIDES
+        for size in (self.size, self.panorama_size):
+            if not all(low <= side <= high and side % 2 == 0 for side in size):
+                raise InputError(f"film of {size[0]} x {size[1]} pixels: expected even numbers from {low} to {high}")
+        for name, value, known in (("view", self.view, VIEWS), ("quality", self.quality, ("", *QUALITIES)),
+                                   ("supersample", self.supersample, FILM_SAMPLES)):  # fmt: skip
+            if value not in known:
+                raise InputError(f"film {name} {value!r}: expected one of {', '.join(str(each) for each in known if each)}")
+
+
+@dataclass(frozen=True)
 class CameraPath:
     """Keyframes in order of time.  fps: pictures a second.  closed: the last keyframe leads back to the first.  ease: whether
-    the film begins and ends slowly.  title: shown when it begins."""
+    the film begins and ends slowly.  title: shown when it begins.  format: of its pictures."""
 
     keyframes: tuple[Keyframe, ...] = ()
     fps: float = 30.0
     closed: bool = False
     ease: bool = field(default=False, metadata=UNLESS_DEFAULT)
     title: FilmTitle | None = field(default=None, metadata=UNLESS_DEFAULT)
+    format: FilmFormat = field(default=FilmFormat(), metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         times = [key.time for key in self.keyframes]

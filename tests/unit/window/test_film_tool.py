@@ -9,6 +9,7 @@ import pytest
 from window_session import frame_cost, session
 
 from pointglass.viewer.commands.film.command import read_path
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import look_at
 from pointglass.viewer.window.flight.navigation import view_along
 from pointglass.viewer.window.interaction.editing import copy_camera, paste_camera
@@ -19,7 +20,7 @@ from pointglass.viewer.window.interaction.section.section_tool import SectionToo
 from pointglass.viewer.window.interaction.tool import KeyEvent, ToolContext
 from pointglass.viewer.work.cameras.camera_files import read_cameras
 from pointglass.viewer.work.cameras.keyframes import cameras_along, passing_seconds, path_seconds
-from pointglass.viewer.work.document import CameraPath, Document, FilmTitle, Keyframe
+from pointglass.viewer.work.document import CameraPath, Document, FilmFormat, FilmTitle, Keyframe
 from pointglass.viewer.work.pictures.shot_metadata import camera_line
 from pointglass.viewer.work.project import read_project, write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
@@ -72,11 +73,11 @@ def test_bookmarks_and_keyframes_are_steps_that_can_be_undone(context):
 
 def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(context, tmp_path):
     film = Film()
-    film.size = (320, 180)
+    film.change_format(context, size=(320, 180))
     with_path(context, film, 4)
     film.path.set_length(context, 2.0)
     path = context.document.path
-    film.path.write_path(context, film.size, tmp_path / "path.json")
+    film.path.write_path(context, tmp_path / "path.json")
     film_path = read_path(tmp_path / "path.json")
     cameras, rate = film_path.cameras, film_path.rate
     assert rate == path.fps and len(cameras) == 60
@@ -86,9 +87,37 @@ def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(co
     for key, before in zip(context.document.path.keyframes, path.keyframes, strict=True):
         assert np.allclose(key.view.camera_to_world, before.view.camera_to_world, atol=1e-12)
     assert len(read_cameras(tmp_path / "path.json")) == 4
-    film.path.write_path(context, film.size, tmp_path / "gone" / "path.json")
+    film.path.write_path(context, tmp_path / "gone" / "path.json")
     told = context.session.notices.message.text
     assert told.startswith(f"{tmp_path / 'gone' / 'path.json'}: cannot be written (No such file or directory); choose")
+
+
+def test_what_the_panel_says_of_the_video_is_kept_in_the_project_and_undone(context, tmp_path):
+    film, work = Film(), context.session.work
+
+    def changed() -> bool:
+        return work.changed(work.document.settings, work.document.background)
+
+    assert not changed()
+    film.change_format(context, size=(320, 180), view="filled")
+    film.change_format(context, size=(320, 180), view="filled")  # nothing new is no step
+    for width in (3, 32, 320):
+        film.change_format(context, "film size", size=(width // 2 * 2 + 16, 180))
+    wanted = FilmFormat((336, 180), view="filled")
+    assert context.document.path.format == wanted and changed()
+    write_project(tmp_path / "a.pointglass", context.document)
+    assert read_project(tmp_path / "a.pointglass").path.format == wanted
+    with_path(context, film)
+    made = film.job(context, tmp_path / "film.mp4")
+    assert (made.cameras[0].width, made.cameras[0].height, made.settings.view) == (336, 180, "filled")
+    for _ in range(4):
+        work.undo()
+    assert context.document.path.format.size == (320, 180)
+    work.undo()
+    assert context.document.path == CameraPath()
+    for wrong in ({"size": (321, 180)}, {"view": "film"}, {"quality": "good"}, {"supersample": 9}):
+        with pytest.raises(InputError, match="expected"):
+            FilmFormat(**wrong)
 
 
 def test_titles_go_with_a_path_to_its_file_and_back_and_are_undone(context, tmp_path):
@@ -102,7 +131,7 @@ def test_titles_go_with_a_path_to_its_file_and_back_and_are_undone(context, tmp_
     shown = film.job(context, tmp_path / "film.mp4").titles.shown
     assert [(title.text, title.begin, title.seconds, title.opening) for title in shown] == [
         ("Halle 7\n漢字", 0.0, 2.5, True), ("The end", 2.0, 4.0, False)], "the caption of the end is shown as long as it says"
-    film.path.write_path(context, film.size, tmp_path / "path.json")
+    film.path.write_path(context, tmp_path / "path.json")
     for _ in range(3):
         context.session.work.undo()
     assert context.document.path.title is None and not any(key.caption for key in context.document.path.keyframes)

@@ -84,7 +84,7 @@ def _space_labels(page: Any) -> None:
             if len(at) and all(after[0] - before[1] >= _APART for before, after in pairwise(ends)):
                 break
         else:
-            axis.set_major_locator(FixedLocator(at[:1] if len(at) else [(low + high) / 2]))
+            axis.set_major_locator(FixedLocator([float(at[0]) if len(at) else (low + high) / 2]))
 
 
 def _texts(figure: "Figure", before: Cloud, after: Cloud, distances: Distances, found: Statistics, factor: float,

@@ -170,13 +170,11 @@ class CameraPathEditor:
         path = replace(context.document.path, keyframes=keys, title=timing.title, ease=timing.ease)
         edit(context, f"Read {file.name}", path=path)
 
-    def write_path(self, context: ToolContext, size: tuple[int, int], file: Path) -> None:
-        """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
-
-        size: of its pictures, pixels."""
+    def write_path(self, context: ToolContext, file: Path) -> None:
+        """Writes the keyframes to ``file``, with size, fps and seconds: `pointglass video --path` makes the same film."""
         path = context.document.path
         keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
-        cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
+        cameras = [replace(key.view.camera(*path.format.size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
         try:
             write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None,
                               stays=[key.stay for key in path.keyframes], ease=path.ease,
@@ -216,8 +214,8 @@ class CameraPathEditor:
             overlay.marker(place, "accent", 5.0, "square")
             overlay.label(place, key.view.name)
 
-    def panel(self, ui: Any, context: ToolContext, size: tuple[int, int]) -> None:
-        """The rows of the panel.  size: of the pictures of a path that is saved, pixels."""
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        """The rows of the panel."""
         path = context.document.path
         if ui.button("Add keyframe here"):
             self.add_keyframe(context)
@@ -235,7 +233,7 @@ class CameraPathEditor:
         ui.begin_disabled(not path.keyframes)
         if ui.button("Save path…"):
             context.files.save("camera paths", "Save the camera path", "camera_path.json", WRITTEN,
-                               lambda file: self.write_path(context, size, file))
+                               lambda file: self.write_path(context, file))
         ui.end_disabled()
 
     def _timeline(self, ui: Any, context: ToolContext) -> None:

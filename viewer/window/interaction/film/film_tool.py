@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .....model.network.qualities import QUALITIES
-from ....commands.film.command import MP4, PANORAMA_SIZE
+from ....commands.film.command import MP4
 from ....common.errors import PointglassError
 from ....common.text import left_text
 from ....picture.views import VIEWS
 from ....work.cameras.keyframes import cameras_along, path_seconds, titles_along
-from ....work.document import replaced, unique_name, without
+from ....work.document import FILM_SAMPLES, FILM_SIDES, FilmFormat, replaced, unique_name, without
 from ....work.viewpoint import Viewpoint
 from ...kit import icons
 from ...kit.sliders import slider_float
@@ -34,10 +34,7 @@ if TYPE_CHECKING:
     from ...kit.overlay import OverlayCanvas
 
 SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
-PANORAMAS = ((2048, 1024), PANORAMA_SIZE, (8192, 4096))
-SMALLEST_SIDE, LARGEST_SIDE = 16, 8192
-"""Sides of a video's pictures that a person types in, pixels; even, as H.264 asks for."""
-SAMPLES = (1, 2, 3, 4)
+PANORAMAS = ((2048, 1024), FilmFormat().panorama_size, (8192, 4096))
 LENSES = (15.0, 120.0)
 """Least and greatest vertical field of view that a person chooses, degrees."""
 SHOTS = tuple(range(1, LARGEST_SHOT + 1))
@@ -54,8 +51,6 @@ class Film(Tool):
     def __init__(self) -> None:
         self.path = CameraPathEditor()
         self.out: Path | None = None  # of the film that is rendered, or was rendered last
-        self.size, self.view, self.quality, self.supersample = SIZES[1], "neural", "", 1
-        self.panorama, self.panorama_size = False, PANORAMA_SIZE
         self.worker: Worker | None = None
         self.publishing = PublishDialog()
 
@@ -108,16 +103,22 @@ class Film(Tool):
     def job(self, context: ToolContext, out: Path) -> FilmJob:
         """The film that the panel describes, saved as ``out``.  Raises InputError where the path has no keyframe."""
         path = context.document.path
-        size = self.panorama_size if self.panorama else self.size
+        form = path.format
+        size = form.panorama_size if form.panorama else form.size
         count = max(1, round(path_seconds(path) * path.fps))
         shown = context.session.view_settings.shown_settings
-        settings = replace(shown, view=self.view, quality=self.quality or shown.quality)
+        settings = replace(shown, view=form.view, quality=form.quality or shown.quality)
         return FilmJob(
             context.session.scene, tuple(cameras_along(path, count, size)), path.fps,
-            settings, out, panorama=self.panorama, supersample=self.supersample,
+            settings, out, panorama=form.panorama, supersample=form.supersample,
             background=context.session.view_settings.background, edits=context.document.edits,
-            titles=titles_along(path, panorama=self.panorama),
+            titles=titles_along(path, panorama=form.panorama),
         )  # fmt: skip
+
+    def change_format(self, context: ToolContext, gesture: object = None, **changes: Any) -> None:
+        """Changes how the pictures of the film are rendered, as one step.  gesture: as in edit."""
+        path = context.document.path
+        edit(context, "Pictures of the film", gesture, path=replace(path, format=replace(path.format, **changes)))
 
     def ask(self, context: ToolContext) -> None:
         """Asks where the video is saved, and begins it."""
@@ -170,7 +171,7 @@ class Film(Tool):
             self.path.change_lens(context, float(degrees))
         self._bookmarks(ui, context)
         ui.separator_text("Camera path")
-        self.path.panel(ui, context, self.size)
+        self.path.panel(ui, context)
         ui.separator_text("Video")
         self._video(ui, context)
         ui.same_line()
@@ -236,33 +237,37 @@ class Film(Tool):
                 self.worker.cancel()
             return
         path = context.document.path
+        form, changes, typed = path.format, dict[str, Any](), False
         rates = [f"{rate:g} frames a second" for rate in RATES]
-        self.panorama = ui.checkbox("360-degree panorama", self.panorama)[1]
-        if self.panorama:
+        changes["panorama"] = ui.checkbox("360-degree panorama", form.panorama)[1]
+        if form.panorama:
             names = [f"{w} x {h}" for w, h in PANORAMAS]
-            self.panorama_size = _chosen(ui, "##panorama size", names, PANORAMAS, self.panorama_size)
+            changes["panorama_size"] = _chosen(ui, "##panorama size", names, PANORAMAS, form.panorama_size)
             if ui.button("Save a still from here"):
-                context.saves.panorama(self.panorama_size)
+                context.saves.panorama(form.panorama_size)
         else:
-            sizes = tuple(dict.fromkeys((*SIZES, self.size)))  # one that was typed is listed as well
-            self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in sizes], sizes, self.size)
+            sizes = tuple(dict.fromkeys((*SIZES, form.size)))  # one that was typed is listed as well
+            changes["size"] = _chosen(ui, "##size", [f"{w} x {h}" for w, h in sizes], sizes, form.size)
             ui.set_next_item_width(-1)
-            changed, sides = ui.input_int2("##sides", list(self.size))
-            if changed:
-                width, height = (min(max(side, SMALLEST_SIDE), LARGEST_SIDE) // 2 * 2 for side in sides)
-                self.size = width, height
+            typed, sides = ui.input_int2("##sides", list(form.size))
+            if typed:
+                low, high = FILM_SIDES
+                changes["size"] = tuple(min(max(side, low), high) // 2 * 2 for side in sides)
             if ui.is_item_hovered():
                 tooltip_beside(ui, "any other size: width and height, pixels")
         rate = _chosen(ui, "##fps", rates, RATES, path.fps)
         if rate != path.fps:
             edit(context, "Frames a second", path=replace(path, fps=rate))
-        self.view = _chosen(ui, "##view", list(VIEWS), tuple(VIEWS), self.view)
-        if self.view == "neural":
+        changes["view"] = _chosen(ui, "##view", list(VIEWS), tuple(VIEWS), form.view)
+        if form.view == "neural":
             shown = context.session.view_settings.shown_settings
             there = [name for name in QUALITIES if name not in missing_qualities(shown)]
-            self.quality = _chosen(ui, "##quality", [f"quality {name}" for name in there], there, self.quality or shown.quality)
-        samples = ["no supersampling", *(f"{n} x {n} samples a pixel" for n in SAMPLES[1:])]
-        self.supersample = _chosen(ui, "##supersample", samples, SAMPLES, self.supersample)
+            quality = form.quality or shown.quality
+            chosen = _chosen(ui, "##quality", [f"quality {name}" for name in there], there, quality)
+            changes |= {"quality": chosen} if chosen != quality else {}
+        samples = ["no supersampling", *(f"{n} x {n} samples a pixel" for n in FILM_SAMPLES[1:])]
+        changes["supersample"] = _chosen(ui, "##supersample", samples, FILM_SAMPLES, form.supersample)
+        self.change_format(context, "film size" if typed else None, **changes)
         ui.begin_disabled(not path.keyframes)
         if ui.button("Render video…"):
             self.ask(context)
