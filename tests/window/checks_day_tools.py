@@ -139,6 +139,8 @@ def check_buttons_of_a_selection_do_what_they_say(p: Person, folder: Path) -> No
 
     after("Classify", lambda: session.document.reclassified)
     assert session.document.reclassified[0].points == document.selection and not session.document.selection
+    said = tool._panel._lines(p.d.app.tools)
+    assert said == (f"{inside:,} points: class now", "6 building; Ctrl+Z undoes"), said
     after("Select inside", lambda: session.document.selection)
     after("Class as in file", lambda: not session.document.reclassified)
     after("Select inside", lambda: session.document.selection)

@@ -9,6 +9,8 @@ from x_keyboard import xdo
 
 from pointglass.viewer.commands.photo_placing import photo_search
 from pointglass.viewer.window.flight.navigation import view_along
+from pointglass.viewer.window.interaction.stations.photo_panel import state_text
+from pointglass.viewer.window.kit import icons
 from pointglass.viewer.work.photo_poses import reference_views
 from pointglass.viewer.work.project import read_project, write_project
 
@@ -64,6 +66,50 @@ def check_the_photograph_in_its_place_is_the_one_that_colours_the_picture(p: Per
     assert session.work.photo is None
 
 
+def drawn(p: Person, label: str) -> bool:
+    try:
+        p.items.find(label)
+    except AssertionError:
+        return False
+    return True
+
+
+def check_a_photograph_where_no_point_lies_is_shown_and_the_next_one(p: Person, folder: Path) -> None:
+    xyz, rgb = room_points(80_000)
+    half = xyz[:, 0] < AWAY[0] - 0.3  # the photographs look at the other half
+    given = [pinhole((0.0, 0.3 * k, 0.0), 0.0, name=f"void {k}", size=(480, 480), fl=240.0) for k in range(3)]
+    p.d.drop(write_photos(folder / "void.e57", given, xyz[half], rgb[half]))
+    p.opened("void.e57")
+    session, tool = p.d.session, p.d.app.toolbox.active
+    p.d.until(lambda: tool.photos, 60.0)
+    p.click("void 0 (pinhole)")
+    p.d.until(lambda: session.lost and not p.d.app.viewport.photos.waits, 60.0)
+    p.d.settle()
+    assert state_text(p.d.app.tools) == "No point lies behind it here: nothing to compare it with"
+    assert not drawn(p, "Whole scene"), "over the photograph"
+    p.d.picture("a photograph where no point lies")
+
+    def shown() -> int:
+        return [photo is session.work.photo.photo for photo in tool.photos].index(True)
+
+    p.key("Next", "Next")
+    assert shown() == 2
+    p.key("Next")
+    assert shown() == 0, "the first after the last"
+    p.key("Prior")
+    p.click("Previous")
+    assert shown() == 1
+    assert not drawn(p, tool.pictures[0].text), "each photograph is listed once"
+    p.click(icons.PHOTOGRAPH)
+    assert tool.viewer.shows(tool.pictures[2])
+    p.key("Prior")
+    assert tool.viewer.shows(tool.pictures[1])
+    p.key("Escape")
+    p.click("Hide photograph")
+    p.d.until(lambda: session.lost)
+    assert drawn(p, "Whole scene")
+
+
 def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undone(p: Person, folder: Path) -> None:
     e57_photo_files.paint = e57_photo_files.patches
     reference_views.TURNS, photo_search.PLACES = ((0.0, 8, 0.0),), 1  # fewer views: less time
@@ -76,7 +122,10 @@ def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undon
     p.click(tool.pictures[0].text)
     p.click("Find where it was taken")
     work = p.d.session.work
-    p.d.until(lambda: tool.placer.worker is None, 200.0)
+    seen = []
+    p.d.until(lambda: (worker := tool.placer.worker) is None or seen.append((worker.label, worker.fraction or 0.0)), 200.0)
+    steps = [share for _, share in seen]
+    assert steps == sorted(steps), ("one progress, which grows", sorted(set(seen)))
     assert work.document.photographs, tool.placer.said
     placed, = work.document.photographs
     assert np.linalg.norm(np.array(placed.camera_to_world)[:3, 3] - AWAY - (0.4, -0.3, 0.2)) < 0.06

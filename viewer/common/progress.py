@@ -143,6 +143,19 @@ def progress(total: int, label: str, unit: str = "") -> Iterator[Progress]:
 
 
 @contextmanager
+def share_unknown() -> Iterator[None]:
+    """Around short work before that which takes long: the window is told what is done and can cancel it, but no share, so that
+    its bar only grows."""
+    sink: Sink | None = getattr(_local, "sink", None)
+    if sink is not None:
+        set_sink(lambda label, _done, _total: sink(label, 0, 0))
+    try:
+        yield
+    finally:
+        set_sink(sink)
+
+
+@contextmanager
 def stage(label: str) -> Iterator[None]:
     """A part of long work whose length is not known, with a plain-words ``label``.  Raises Cancelled at its beginning if the
     sink asks to stop."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.progress import progress
+from ...common.progress import Progress, progress, share_unknown
 from ...common.rigid_transform import rows_of
 from ...picture.photographs.placed_photograph import PlacedPhotograph
 from ...picture.settings import Settings
@@ -98,10 +98,16 @@ class PhotoSearch:
 
         scene, upright = self._renderer.scene, upright_axes(self._document.up)
         stations = bool(np.isfinite(scene.scan_places).any())
-        places = chosen_places(scene, self._document, "stations" if stations else PLACES)
-        views = self._views([camera for place in places for camera in around(place.position, upright)])
-        if not stations and len(views) < SHOWING * len(places) * PER_PLACE:  # a thing, no room
-            views += self._views(outside(sample_scene(scene), upright))
+        with share_unknown():
+            places = chosen_places(scene, self._document, "stations" if stations else PLACES)
+        inside = [camera for place in places for camera in around(place.position, upright)]
+        beyond = outside(sample_scene(scene), upright) if not stations else []
+        with progress(len(inside) + len(beyond), "rendering views to compare photographs with", " views") as meter:
+            views = self._views(inside, meter)
+            if len(views) < SHOWING * len(places) * PER_PLACE:  # a thing, no room
+                views += self._views(beyond, meter)
+            else:
+                meter.update(len(beyond))
         return views
 
     def _draw(self, camera: "Camera") -> tuple[np.ndarray, np.ndarray]:
@@ -120,14 +126,13 @@ class PhotoSearch:
         fit = as_stated(photo, picture, self._sample)
         return 0.0 if fit is None else fit.explained
 
-    def _views(self, cameras: "list[Camera]") -> list[ReferenceView]:
+    def _views(self, cameras: "list[Camera]", meter: Progress) -> list[ReferenceView]:
         """Those that show something."""
         views: list[ReferenceView] = []
-        with progress(len(cameras), "rendering views to compare photographs with", " views") as meter:
-            for camera in cameras:
-                view = view_of(self._draw, camera, self._origin)
-                views += [view] if len(view.points) > 1 else []
-                meter.update(1)
+        for camera in cameras:
+            view = view_of(self._draw, camera, self._origin)
+            views += [view] if len(view.points) > 1 else []
+            meter.update(1)
         return views
 
 

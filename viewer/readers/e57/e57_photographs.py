@@ -94,7 +94,7 @@ def posed_photographs(path: Path) -> tuple[list[PosedPhotograph], list[str]]:
                 warnings.append(f"{first_line(error) if not isinstance(error, InputError) else error}; skipped")
                 continue
             found.append(PosedPhotograph(entry.label, entry.kind, int(width), int(height), lens, around, entry.pose,
-                                         partial(_decode, path, entry.number), entry.name))
+                                         partial(_decode, path, entry.number), entry.name, entry.number))
     return found, warnings
 
 

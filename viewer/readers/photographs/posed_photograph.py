@@ -17,7 +17,8 @@ class PosedPhotograph:
     lens: at that size.  around: whether the columns close a circle.  camera_to_world: (4, 4) float64, the scan's coordinates,
     in the frame of viewer.readers.e57.e57_photographs.
     decode: the picture, (h, w, 3) uint8 sRGB with at most that many pixels along a side, and (h, w) bool where it holds
-    anything, None: everywhere.  Raises InputError where it is damaged.  title: for lists.
+    anything, None: everywhere.  Raises InputError where it is damaged.  title: for lists.  number: in the images2D of its E57,
+    None of another file.
     """
 
     name: str
@@ -29,6 +30,7 @@ class PosedPhotograph:
     camera_to_world: np.ndarray
     decode: Callable[[int], tuple[np.ndarray, np.ndarray | None]]
     title: str = ""
+    number: int | None = None
 
     @property
     def key(self) -> tuple:

@@ -104,11 +104,7 @@ class ReferencePanel:
             if ui.selectable(f"{number}  {name}", number == code)[0]:
                 self._choose(ui, context, number)
             if area and ui.is_item_hovered(ui.HoveredFlags_.for_tooltip):
-                ui.begin_tooltip()
-                ui.push_text_wrap_pos(context.theme.px(280))
-                ui.text_unformatted(area)
-                ui.pop_text_wrap_pos()
-                ui.end_tooltip()
+                tooltip_beside(ui, area)
 
     def _rows(self) -> list[tuple[str, str, str]]:
         """The systems that match what is typed; searched again only when that changes."""

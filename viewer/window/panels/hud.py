@@ -13,6 +13,7 @@ from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import FLOATING, MARGIN, PASSIVE
 from ..session.panel_actions import Actions
 from ..session.session import Session
+from ..viewport.photo_blend import strength
 from .status_bar import drawn_text
 from .tool_bar import WIDTH
 
@@ -196,9 +197,18 @@ def draw_recording(session: Session, style: Theme) -> None:
     imgui.end()
 
 
+def _photograph_shows(session: Session) -> bool:
+    """Whether a photograph lies over the view: it may show where no point lies."""
+    shown = session.work.photo
+    if shown is None:
+        return False
+    away = float(np.linalg.norm(session.camera.position - shown.photo.position))
+    return strength(away, session.facts.metres_per_unit, shown.blend) > 0
+
+
 def draw_lost(session: Session, actions: Actions, style: Theme) -> None:
-    """Where the picture shows nothing: how to get back, and an arrow to the scene."""
-    if not session.lost or session.scene is None:
+    """Where the picture shows nothing, and no photograph lies over it: how to get back, and an arrow to the scene."""
+    if not session.lost or session.scene is None or _photograph_shows(session):
         return
     px, area, draw = style.px, session.area.layout.picture, imgui.get_background_draw_list()
     middle = np.array([area.left + area.width / 2, area.top + area.height / 2])

@@ -9,6 +9,8 @@ from ....picture.regions import LAST_CLASS
 from ....work.selecting.connected_region import usual_gap
 from ....work.selecting.select_points import HOW
 from ...kit.number_field import number_input
+from ...kit.theme import fitted
+from ...kit.widgets import tooltip_beside
 from ..editing import edit, metres_per_unit, unit_of
 from ..tool import ToolContext
 from .listed_sets import class_name, thousands
@@ -27,7 +29,7 @@ class SelectPanel:
         ui.separator()
         selection = context.document.selection
         for line in self._lines(context):
-            ui.text_unformatted(line)
+            ui.text_unformatted(fitted(line, ui.get_content_region_avail().x))
         if ui.button("Invert"):
             tool.invert(context)
         self._tip(ui, "Selects what is in sight and is not selected now")
@@ -40,11 +42,14 @@ class SelectPanel:
         ui.end_disabled()
 
     def _lines(self, context: ToolContext) -> tuple[str, str]:
-        """What is selected: always two lines, so that the buttons below stay where they are while something is selected."""
+        """What is selected, or was done with it: always two lines, so that the buttons below stay where they are."""
         tool, selection = self._tool, context.document.selection
         if tool.job.worker is not None:
             return f"{tool.job.worker.title}…", ""
         if not selection:
+            label, (what, become) = tool.done
+            if what and context.session.work.history.undo_label == label:
+                return what, f"{become}; Ctrl+Z undoes"
             return "Nothing is selected.", ""
         counted = f"{thousands(selection.count)} point{'' if selection.count == 1 else 's'} selected"
         if tool.facts is None or tool.facts.bounds is None:
@@ -139,8 +144,4 @@ class SelectPanel:
     @staticmethod
     def _tip(ui: Any, text: str) -> None:
         if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
-            ui.begin_tooltip()
-            ui.push_text_wrap_pos(ui.calc_text_size("m" * 22).x)
-            ui.text_unformatted(text)
-            ui.pop_text_wrap_pos()
-            ui.end_tooltip()
+            tooltip_beside(ui, text)

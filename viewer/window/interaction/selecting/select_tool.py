@@ -66,6 +66,7 @@ class Select(Tool):
         self.outline_drawn, self.box, self.job = LassoOutline(), BoxHandles(), SetJob()
         self.places: list[Vector] = []  # of a plane
         self.facts: Selected | None = None
+        self.done = "", ("", "")  # the last step that left nothing selected: its label, and two lines about it
         self._pointing, self._panel, self._listed = Pointing(), SelectPanel(self, SHAPES), ListedSets(self)
         self._how = ""  # of the outline under way
 
@@ -206,11 +207,20 @@ class Select(Tool):
             context.toast("No further point lies there" if made.points else "No point in sight lies there")
         edit(context, f"Select {counted(made.points.count, 'point')}", selection=made.points)
 
-    def change(self, context: ToolContext, label: str, make: Callable[[Any], dict[str, Any]]) -> None:
-        """Changes sets of the document as one step, beside the window.  make: gives the changes from the files of the scene."""
+    def change(self, context: ToolContext, label: str, make: Callable[[Any], dict[str, Any]],
+               done: tuple[str, str] = ("", "")) -> None:
+        """Changes sets of the document as one step, beside the window.  make: gives the changes from the files of the scene.
+        done: what is said then, on two lines, until another step."""
         scene = context.scene
+
+        def take(changes: dict[str, Any]) -> None:
+            edit(context, label, **changes)
+            if done[0]:
+                self.done = label, done
+                context.toast(f"{' '.join(done)}; Ctrl+Z undoes")
+
         if scene is not None:
-            self.job.start(context, label, lambda: make(file_keys(scene)), lambda changes: edit(context, label, **changes))
+            self.job.start(context, label, lambda: make(file_keys(scene)), take)
 
     def keep(self, context: ToolContext, name: str = "Region", *, shown: bool = True) -> None:
         """The selection becomes a region."""
@@ -219,8 +229,8 @@ class Select(Tool):
 
     def delete(self, context: ToolContext) -> None:
         """The selected points are in no picture and no export; the outliner's eye shows them again."""
-        document, count = context.document, context.document.selection.count
-        self.change(context, f"Delete {counted(count, 'point')}", lambda files: set_changes.deleted(document, files))
+        document, points = context.document, counted(context.document.selection.count, "point")
+        self.change(context, f"Delete {points}", lambda files: set_changes.deleted(document, files), (f"{points}:", "deleted"))
 
     def show_alone(self, context: ToolContext, points: PointSet) -> None:
         """Hides all other points."""
@@ -229,10 +239,10 @@ class Select(Tool):
 
     def classify(self, context: ToolContext, code: int | None) -> None:
         """Gives the selected points another class; None: that of their file."""
-        document = context.document
+        document, points = context.document, counted(context.document.selection.count, "point")
         name = "as in the file" if code is None else f"{code} {CLASSES.get(code, ('user-defined',))[0]}"
-        self.change(context, f"Classify {counted(document.selection.count, 'point')}: {name}",
-                    lambda files: set_changes.classified(document, code, files))
+        self.change(context, f"Classify {points}: {name}", lambda files: set_changes.classified(document, code, files),
+                    (f"{points}: class now", name))
 
     def invert(self, context: ToolContext) -> None:
         """Selects what is in sight and was not selected."""

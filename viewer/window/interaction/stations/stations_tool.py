@@ -16,20 +16,20 @@ from ....readers.e57.e57_photographs import posed_photographs
 from ....readers.e57.e57_pictures import StoredPicture, stored_pictures
 from ....readers.moved_source import move_of, moved_pose, moves_at
 from ....readers.photographs.posed_photograph import PosedPhotograph
-from ....work.measuring.measure_text import length_text
 from ....work.places.pick import station_name
 from ...kit import icons
-from ...kit.sliders import slider_float
 from ...kit.theme import fitted
 from ...kit.widgets import tooltip_beside
 from ...kit.worker import Worker
-from ..editing import edit, metres_per_unit
+from ..editing import edit
 from ..outline import Group, Row
 from ..tool import KeyEvent, PointerEvent, Tool, ToolContext
 from .ghosts_panel import GhostsPanel
+from .next_place import AT_PLACE, KEYS, places_of, step, step_buttons
+from .photo_panel import draw_photographs
 from .photo_placer import PhotoPlacer
-from .photo_switch import about_view, coloured_surfaces
-from .picture_viewer import PictureViewer, of_scan
+from .photo_switch import about_view
+from .picture_viewer import PictureViewer
 from .stand_at_photo import show_photo, stand_at
 
 if TYPE_CHECKING:
@@ -50,18 +50,16 @@ def show_station(context: ToolContext, number: int, name: str, on: bool) -> None
     edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
 
 
-def _photographs(file: Path, transform: Rows | None) -> tuple[list[StoredPicture], list[PosedPhotograph], list[str]]:
-    """The pictures of an E57, those with a geometry at their places in the document, and warnings.  transform: of the file."""
+def _photographs(file: Path, transform: Rows | None
+                 ) -> tuple[list[StoredPicture], dict[PosedPhotograph, StoredPicture | None], list[str]]:
+    """The pictures of an E57; those with a geometry at their places in the document, each with the picture that it is; and
+    warnings.  transform: of the file."""
     photos, warnings = posed_photographs(file)
-    moved = [replace(photo, camera_to_world=moved_pose(transform, photo.camera_to_world)) for photo in photos]
-    return stored_pictures(file), moved, warnings
-
-
-def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
-    """(number, name, position, inferred) of each station whose place is known."""
-    scans = scene.meta.scans
-    return [(number, station_name(scene, number), place, number < len(scans) and scans[number].inferred)
-            for number, place in enumerate(scene.scan_places) if np.isfinite(place).all()]
+    stored = stored_pictures(file)
+    by_number: dict[int | None, StoredPicture] = {picture.number: picture for picture in stored}
+    moved = {replace(photo, camera_to_world=moved_pose(transform, photo.camera_to_world)): by_number.get(photo.number)
+             for photo in photos}
+    return stored, moved, warnings
 
 
 def parts_of(scene: "Scene") -> list[tuple[int, str]]:
@@ -79,7 +77,7 @@ class Stations(Tool):
     """Its panel lists files, stations and photographs."""
 
     name, label, icon, key = "stations", "Stations", icons.STATIONS, "P"
-    help = "scanner positions: click one to stand there; photographs in place"
+    help = "stand at scanner positions, photographs; PageUp, PageDown: others"
     takes_clicks = True
 
     def __init__(self) -> None:
@@ -89,6 +87,7 @@ class Stations(Tool):
         self._listed: tuple[ref[Scene], list[tuple[int, str]], dict[int, np.ndarray]] | None = None  # of the scene shown
         self.ghosts = GhostsPanel()
         self.photos: list[PosedPhotograph] = []
+        self.stored: dict[PosedPhotograph, StoredPicture | None] = {}  # each of them by itself
         self.warnings: list[str] = []
         self.pictures: list[StoredPicture] = []  # all of the scan, also those without a pose
         self.viewer = PictureViewer()
@@ -109,6 +108,11 @@ class Stations(Tool):
         self.placer.follow(context)
 
     @property
+    def reading(self) -> bool:
+        """Whether photographs are being read."""
+        return self._read is not None
+
+    @property
     def workers(self) -> tuple[Worker | None, ...]:
         return (self.ghosts.search, self.placer.worker)
 
@@ -118,6 +122,9 @@ class Stations(Tool):
         self.placer.close()
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.key in KEYS and event.kind in ("press", "repeat"):
+            step(self, context, KEYS[event.key])
+            return True
         if event.kind != "press" or event.key != "ESCAPE" or self.viewer.viewed is None:
             return False
         self.viewer.close_picture()
@@ -129,7 +136,7 @@ class Stations(Tool):
         moves = moves_at([Path(file) for file in meta.sources], meta.records.moves if meta.records is not None else ())
         if self._of != (shown.paths, shown.preview, moves):
             self._of, self.photos, self.warnings, self._read = (shown.paths, shown.preview, moves), [], [], None
-            self.pictures, context.session.work.photo = [], None
+            self.pictures, self.stored, context.session.work.photo = [], {}, None
             self.viewer.close_picture()
             files = [Path(path) for path in context.session.shown_scan.paths if Path(path).suffix.lower() == ".e57"]
             if files and not context.session.shown_scan.preview:
@@ -142,6 +149,7 @@ class Stations(Tool):
             for pictures, photos, warnings in done.result or []:
                 self.pictures += pictures
                 self.photos += photos
+                self.stored |= photos
                 self.warnings += warnings
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
@@ -162,7 +170,7 @@ class Stations(Tool):
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         if context.scene is None:
             return
-        at_eye = 1e-3 * np.ptp(context.scene.bounds, axis=0).max()  # a marker there would hide the picture
+        at_eye = AT_PLACE * np.ptp(context.scene.bounds, axis=0).max()  # a marker there would hide the picture
         found = [(place, f"{name} (inferred)" if inferred else name, inferred)
                  for _, name, place, inferred in places_of(context.scene)
                  if np.linalg.norm(place - context.camera.position) >= at_eye]
@@ -246,67 +254,7 @@ class Stations(Tool):
                                    + ("unknown" if place is None else "inferred from the order of the points" if inferred
                                       else "as the file says"))
             ui.pop_id()
-        self._photographs(ui, context)
+        step_buttons(ui, self, context)
+        draw_photographs(ui, self, context)
         ui.separator()
         self.ghosts.draw(ui, context)
-
-    def _photographs(self, ui: Any, context: ToolContext) -> None:
-        ui.separator()
-        if self._read is not None:
-            ui.text_wrapped("Reading photographs…")
-        elif not self.photos and not self.pictures:
-            ui.text_wrapped("This scan holds no photographs." if not self.warnings else self.warnings[0])
-        shown = context.session.work.photo
-        if self.photos:
-            ui.text_unformatted("Photographs in place")
-        for number, photo in enumerate(self.photos):
-            ui.push_id(1000 + number)
-            if ui.selectable(f"{photo.title} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
-                self.viewer.close_picture()
-                show_photo(context, photo)
-            ui.pop_id()
-        self._pictures(ui, context)
-        if self.photos or context.document.photographs:
-            coloured_surfaces(ui, context)
-        if shown is None:
-            return
-        ui.set_next_item_width(-1)
-        _, percent = slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%")
-        shown.blend = percent / 100.0 if np.isfinite(percent) else shown.blend  # "nan" may be typed
-        _, shown.split = ui.checkbox("split against the view", shown.split)
-        if shown.split:
-            ui.set_next_item_width(-1)
-            _, percent = slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%")
-            shown.split_at = percent / 100.0 if np.isfinite(percent) else shown.split_at
-        if (psnr := context.viewport.photos.psnr) is not None:
-            ui.text_wrapped(f"PSNR {psnr:.1f} dB between photograph and view{about_view(context)}")
-        elif context.viewport.photos.waits:
-            ui.text_wrapped("Preparing the photograph…")
-        elif context.viewport.photos.problem:
-            ui.text_wrapped(context.viewport.photos.problem)
-        else:
-            away = float(np.linalg.norm(context.camera.position - shown.photo.position))
-            ui.text_wrapped(f"{length_text(away, metres_per_unit(context))} from its place: the photograph has faded out")
-        if ui.button("Back to its place"):
-            stand_at(context, shown.photo.position, shown.photo.forward)
-        if ui.button("Hide photograph"):
-            context.session.work.photo = None
-
-    def _pictures(self, ui: Any, context: ToolContext) -> None:
-        """The photographs by themselves: a click shows one over the view."""
-        if self.pictures:
-            ui.text_unformatted("Photographs by themselves")
-        for number, picture in enumerate(self.pictures):
-            ui.push_id(5000 + number)
-            if ui.selectable(fitted(picture.text, ui.get_content_region_avail().x), self.viewer.shows(picture))[0]:
-                if self.viewer.shows(picture):
-                    self.viewer.close_picture()
-                else:
-                    self.viewer.open(context, of_scan(picture))
-            if ui.is_item_hovered():
-                where = "" if picture.placed else "; the file does not say where it was taken"
-                tooltip_beside(ui, f"{picture.name}: look at it{where}")
-            ui.pop_id()
-        self.viewer.draw(ui, context)
-        viewed = self.viewer.viewed.key if self.viewer.viewed is not None else None
-        self.placer.draw(ui, context, viewed if isinstance(viewed, StoredPicture) else None)
