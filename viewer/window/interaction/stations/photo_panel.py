@@ -35,7 +35,10 @@ def draw_photographs(ui: Any, tool: "Stations", context: ToolContext) -> None:
         ui.push_id(1000 + number)
         room = ui.get_content_region_avail().x - compact_width((icons.PHOTOGRAPH,), context.theme)
         chosen = shown is not None and shown.photo is photo
-        if ui.selectable(f"{photo.title} ({photo.kind})", chosen, 0, (max(room, 1.0), 0))[0]:
+        ui.push_style_var(ui.StyleVar_.selectable_text_align, (0.0, 0.5))
+        clicked, _ = ui.selectable(f"{photo.title} ({photo.kind})", chosen, 0, (max(room, 1.0), ui.get_frame_height()))
+        ui.pop_style_var()
+        if clicked:
             tool.viewer.close_picture()
             show_photo(context, photo)
         if (stored := tool.stored.get(photo)) is not None:
