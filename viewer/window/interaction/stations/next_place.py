@@ -1,4 +1,7 @@
-"""PageDown and PageUp: the next and the previous station, photograph in place, or photograph looked at by itself."""
+"""PageDown and PageUp: the next and the previous station, photograph in place, or photograph looked at by itself.
+
+tool: the Stations tool.
+"""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -13,7 +16,6 @@ from .stand_at_photo import show_photo, stand_at
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
-    from .stations_tool import Stations
 
 AT_PLACE = 1e-3
 """Shares of the scan's extent within which the camera stands at a place."""
@@ -27,7 +29,7 @@ def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
             for number, place in enumerate(scene.scan_places) if np.isfinite(place).all()]
 
 
-def step(tool: "Stations", context: ToolContext, by: int) -> None:
+def step(tool: Any, context: ToolContext, by: int) -> None:
     """Goes to the next of what is looked at now, the first after the last; by: -1 for the one before."""
     what, names, here, go = _stops(tool, context)
     if len(names) > (here is not None):
@@ -36,7 +38,7 @@ def step(tool: "Stations", context: ToolContext, by: int) -> None:
         context.toast(f"{names[number]}, {what} {number + 1} of {len(names)}")
 
 
-def step_buttons(ui: Any, tool: "Stations", context: ToolContext) -> None:
+def step_buttons(ui: Any, tool: Any, context: ToolContext) -> None:
     """Two buttons side by side, where there is somewhere to go."""
     what, names, _, _ = _stops(tool, context)
     if len(names) < 2:
@@ -50,7 +52,7 @@ def step_buttons(ui: Any, tool: "Stations", context: ToolContext) -> None:
             tooltip_beside(ui, tip)
 
 
-def _stops(tool: "Stations", context: ToolContext) -> tuple[str, list[str], int | None, Callable[[int], object]]:
+def _stops(tool: Any, context: ToolContext) -> tuple[str, list[str], int | None, Callable[[int], object]]:
     """What is stepped through, the name of each, the number of the one that is looked at, and what goes to one."""
     viewed, shown, scene = tool.viewer.viewed, context.session.work.photo, context.scene
     for number, picture in enumerate(tool.pictures):

@@ -1,6 +1,9 @@
-"""The photographs in the panel of the Stations tool: the lists, and how the one that is shown is laid over the view."""
+"""The photographs in the panel of the Stations tool: the lists, and how the one that is shown is laid over the view.
 
-from typing import TYPE_CHECKING, Any
+tool: the Stations tool.
+"""
+
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +20,8 @@ from .photo_switch import about_view, coloured_surfaces
 from .picture_viewer import of_scan
 from .stand_at_photo import show_photo, stand_at
 
-if TYPE_CHECKING:
-    from .stations_tool import Stations
 
-
-def draw_photographs(ui: Any, tool: "Stations", context: ToolContext) -> None:
+def draw_photographs(ui: Any, tool: Any, context: ToolContext) -> None:
     """The photographs in place, those by themselves, those placed by a search, and the one that is shown."""
     ui.separator()
     if tool.reading:
@@ -67,7 +67,7 @@ def draw_photographs(ui: Any, tool: "Stations", context: ToolContext) -> None:
     _shown_photograph(ui, context)
 
 
-def _look_at(tool: "Stations", context: ToolContext, picture: StoredPicture) -> None:
+def _look_at(tool: Any, context: ToolContext, picture: StoredPicture) -> None:
     """Shows a photograph by itself, or closes it where it is shown."""
     if tool.viewer.shows(picture):
         tool.viewer.close_picture()
