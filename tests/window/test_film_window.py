@@ -17,7 +17,7 @@ from pointglass.viewer.work.project import read_project, write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(900)]
-TITLE, RENDER = (1160, 548), (1123, 624)
+TITLE, RENDER = (1160, 411), (1123, 594)
 """Of the Film panel in a window of 1280 x 720: the field of the title, and, scrolled to the end, the button."""
 SECONDS, RATE = 0.125, 24.0
 
