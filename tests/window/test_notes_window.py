@@ -97,6 +97,6 @@ def test_a_note_is_kept_through_escape_a_crash_and_saving_and_goes_into_every_re
     issues = zipfile.ZipFile(saved_as(window, "issues", folder / "r.bcf"))
     assert sum(name.endswith("snapshot.png") for name in issues.namelist()) == 1
     (row,) = csv.DictReader(saved_as(window, "table", folder / "r.csv").open(encoding="utf-8"))
-    assert row["text"] == "Crack, 3 mm wide" and float(row["x"]) == note.position[0]
+    assert row["text"] == "Crack, 3 mm wide" and float(row["x"]) == pytest.approx(note.position[0], abs=1e-9)
     window.keys("ctrl+q")
     assert window.ended() == 0
