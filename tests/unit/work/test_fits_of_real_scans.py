@@ -12,12 +12,12 @@ import pointglass
 from pointglass.viewer.work.fits.fit import Fit
 
 pytestmark = pytest.mark.long
-PIPES = {"pumpA.e57": 8, "plant_room.laz": 3}
+PIPES = {"pumpA.e57": 6, "plant_room.laz": 2}
 """Pipes of each scan, at random clicks; few of the cellar's points lie on one."""
-CLICKS = 250
-OUTSIDE = 3
-"""Radii that may differ by more than the 95 % stated: of 8, where each is inside with 95 %, more than 3 are outside in 1 of
-2,700 runs.  The other fit has errors of its own, from the same points."""
+CLICKS = 400
+OUTSIDE = 2
+"""Radii that may differ by more than the 95 % stated: of 6, where each is inside with 95 %, more than 2 are outside in 1 of
+450 runs; the clicks are always the same.  The other fit has errors of its own, from the same points."""
 
 
 def independent(xyz: np.ndarray, fit: Fit) -> tuple[float, np.ndarray]:
