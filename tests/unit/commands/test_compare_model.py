@@ -41,6 +41,19 @@ def test_distances_are_those_of_the_distance_field(seed):
     assert found.distance == pytest.approx(field(places), abs=2e-7)
 
 
+def test_far_beside_an_edge_the_sign_is_that_of_the_field(seed):
+    """Two faces are equally near in float32, of which one looks the other way."""
+    random = np.random.default_rng(seed)
+    places, normals = on_box(random, 20_000)
+    edge = (np.argmax(np.abs(normals), axis=1) + random.integers(1, 3, len(places))) % 3
+    rows = np.arange(len(places))
+    places[rows, edge] = np.sign(places[rows, edge]) * (HALF[edge] - random.uniform(0, 0.002, len(places)))
+    places += normals * random.uniform(1, 20, (len(places), 1))
+    box, turn = trimesh.creation.box(2 * HALF), rotation_about(np.array((0.0, 0.0, 1.0)), random.uniform(0, 90))
+    found = distances_from_model(box.vertices @ turn.T + FAR, np.asarray(box.faces), places @ turn.T + FAR)
+    assert found.distance == pytest.approx(field(places), abs=1e-5)  # float32 of 20 m chooses the face
+
+
 def test_the_command_finds_a_shift_of_three_millimetres_and_says_how_sure_it_is(tmp_path, seed, capsys):
     random = np.random.default_rng(seed)
     places, normals = on_box(random, 60_000)

@@ -24,6 +24,9 @@ METHOD, RULE = FROM_MODEL, "model"
 _BLOCK = 1 << 18
 """Points between two looks at progress."""
 _LEAST_ROWS = 1 << 12
+_AT_EDGE = 1e-9
+"""Weight of a corner below which a place lies on the edge opposite of it: what rounding leaves there, 1e-16, and more.  Of two
+faces float32 may name the one that is no nearer, whose own normal says nothing of the side."""
 
 
 def distances_from_model(vertices: np.ndarray, faces: np.ndarray, xyz: np.ndarray, *, registration: float = 0.0) -> Distances:
@@ -77,7 +80,7 @@ def _signed(points: np.ndarray, corners: np.ndarray, across: np.ndarray, around:
     weights = np.empty((len(points), 3))
     in_rows(len(points), _LEAST_ROWS, nearest_weights, points, np.ascontiguousarray(corners), weights)
     way = points - np.einsum("ij,ijk->ik", weights, corners)
-    zero = weights <= 0
+    zero = weights < _AT_EDGE
     at_edge = np.take_along_axis(beside, zero.argmax(axis=1)[:, None, None], axis=1)[:, 0]
     at_corner = np.einsum("ij,ijk->ik", weights, around)
     count = zero.sum(axis=1, keepdims=True)
