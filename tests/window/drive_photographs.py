@@ -123,7 +123,7 @@ def check_where_a_photograph_was_taken_is_searched_kept_in_the_project_and_undon
     p.click("Find where it was taken")
     work = p.d.session.work
     seen = []
-    p.d.until(lambda: (worker := tool.placer.worker) is None or seen.append((worker.label, worker.fraction or 0.0)), 200.0)
+    p.d.until(lambda: (worker := tool.placer.worker) is None or seen.append((worker.label, worker.fraction or 0.0)), 400.0)
     steps = [share for _, share in seen]
     assert steps == sorted(steps), ("one progress, which grows", sorted(set(seen)))
     assert work.document.photographs, tool.placer.said
@@ -159,7 +159,7 @@ def check_several_files_are_placed_at_once_and_one_that_is_no_photograph_is_name
     p.d.until(lambda: len(p.choice.chosen) == 3)
     p.key("Return")
     p.d.until(lambda: tool.placer.worker is not None or tool.placer.said)
-    p.d.until(lambda: tool.placer.worker is None, 200.0)
+    p.d.until(lambda: tool.placer.worker is None, 400.0)
     assert len(session.document.photographs) == 2 and len(tool.placer.said) == 3, tool.placer.said
     assert [line for line in tool.placer.said if line.startswith("2.jpg: where it was taken was not found")], tool.placer.said
     for number, placed in enumerate(session.document.photographs):

@@ -4,12 +4,12 @@ import pytest
 from drive_photographs import CHECKS
 from x_server import report_of
 
-pytestmark = [pytest.mark.window, pytest.mark.timeout(700)]
+pytestmark = [pytest.mark.window, pytest.mark.timeout(1100)]
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
-    return report_of("drive_photographs.py", tmp_path_factory.mktemp("photographs"))
+    return report_of("drive_photographs.py", tmp_path_factory.mktemp("photographs"), seconds=1000)
 
 
 @pytest.mark.parametrize("claim", CHECKS)

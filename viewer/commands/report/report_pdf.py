@@ -117,11 +117,10 @@ def _cover(pages: Pages, scene: "Scene", document: "Document", wording: Wording)
     facts = [f"{scene.count:,} points", f"extent {size[0]:.1f} x {size[1]:.1f} x {size[2]:.1f} {unit}"]
     facts += [short_reference(crs)] if crs else []
     pages.text(" · ".join(facts), 9, quiet=True)
-    counts = [counted(len(document.annotations), "note"), counted(len(document.measurements), "measurement")]
-    for key, status in STATUSES.items():
-        if many := sum(note.status == key for note in document.annotations):
-            counts.append(f"{many} {status.name.lower()}")
-    pages.text(" · ".join(counts), 9, quiet=True)
+    states = [f"{many} {status.name.lower()}" for key, status in STATUSES.items()
+              if (many := sum(note.status == key for note in document.annotations))]
+    notes = counted(len(document.annotations), "note") + f" ({', '.join(states)})" * bool(states)
+    pages.text(f"{notes} · {counted(len(document.measurements), 'measurement')}", 9, quiet=True)
     pages.gap(3.0)
 
 

@@ -63,7 +63,8 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
     rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     if reading.on:
-        state, rough, text = reading.short or state, "" if reading.short else rough, f"{reading.text}\n{text}"
+        state = reading.short or ("at rest" if state == "exact" else state)  # points finer than a pixel are not read
+        rough, text = "" if reading.short else rough, "\n".join([reading.text, *approximations])
         total, more_to_come = max(total, reading.state.points), more_to_come or bool(reading.state.problem)
     return [
         _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
