@@ -5,7 +5,7 @@ from time import monotonic, sleep
 
 import numpy as np
 import pytest
-from test_tool_actions import Context, click
+from tool_window import Context, click
 
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.clip import Box, vector
