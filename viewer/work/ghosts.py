@@ -9,7 +9,7 @@ et al. 2005, with range images as in Underwood et al. 2013.)
 Ghosts get a station number of their own in a copy of the scene, so that all that knows hidden stations can hide them; nothing
 is removed from the scan or its cache.  Frame: file coordinates, file units.
 
-The constants were set before the first measurement, and kept (viewer/README.md has it): registered rooms without a
+The constants were set before the first measurement, and kept (README.md of this folder has it): registered rooms without a
 registration error, cylinders for people.  Half and twice of SLACK, SHARE, VOXEL, LEAST_POINTS and 0.25 and 0.75 for MAJORITY
 find what tests/unit/work/test_ghosts.py has.
 """
