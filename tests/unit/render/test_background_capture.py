@@ -16,7 +16,7 @@ class Engine:
     fails = False
 
     def __init__(self, network, height, width, engine=None):
-        self.device, self.name, self.released = "cuda", engine or "graph", False
+        self.device, self.name, self.released = "cpu", engine or "graph", False
         if engine is None:
             Engine.threads.append(threading.current_thread().name)
             assert Engine.gate.wait(20)

@@ -3,6 +3,8 @@
 import ctypes.util
 import subprocess
 import sys
+import threading
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,7 +17,9 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device import egl
 from pointglass.viewer.render.device.context import Device
 from pointglass.viewer.render.device.device_failure import CudaCallError, DeviceMemoryError, device_failure
+from pointglass.viewer.render.device.match_device import on_same_device
 from pointglass.viewer.render.network import bridge, neural
+from pointglass.viewer.render.network.background_capture import BackgroundRunner
 from pointglass.viewer.render.renderer import Renderer
 from pointglass.viewer.render.sized_passes import KeptPasses
 
@@ -52,6 +56,69 @@ def test_a_device_that_adds_but_does_not_convolve_is_a_problem(monkeypatch):
     monkeypatch.setattr(reconstruct.F, "conv2d", too_old)
     said = reconstruct.cuda_problem()
     assert said == "a first convolution on CUDA failed: GET was unable to find an engine to execute this computation"
+
+
+@pytest.fixture
+def second_gpu(monkeypatch):
+    """As where OpenGL draws on the second of two GPUs: this thread uses it, a new thread the first one, as CUDA has it."""
+    chosen = threading.local()
+    chosen.index = 1
+
+    @contextmanager
+    def device(index):
+        before = getattr(chosen, "index", 0)
+        chosen.index = index
+        yield
+        chosen.index = before
+
+    monkeypatch.setattr(torch.cuda, "current_device", lambda: getattr(chosen, "index", 0))
+    monkeypatch.setattr(torch.cuda, "device", device)
+    monkeypatch.setattr(torch.cuda, "is_initialized", lambda: True)
+
+
+def test_the_network_and_its_capture_run_on_the_gpu_that_draws_whatever_their_thread(second_gpu):
+    used = []
+
+    class Engine:
+        device, name = "cuda", "an engine"
+
+        def __init__(self, network, height, width, engine=None):
+            used.append(torch.cuda.current_device())
+
+        def __call__(self, packed):
+            return torch.full_like(packed, torch.cuda.current_device())
+
+        def release(self):
+            used.append(torch.cuda.current_device())
+
+    runner = BackgroundRunner(None, 1, 1, make=Engine)  # type: ignore[arg-type]
+    runner.settle()  # which releases the first
+    runner.release()
+    assert used == [1, 1, 1, 1]
+    stage, ended = Stage(ValueError()), threading.Event()
+    stage._on_device = on_same_device("cuda")
+    Engine.device = "cpu"  # where tensors can be made
+    stage._runner, stage.photographs = Engine(None, 1, 1), None  # type: ignore[assignment]
+    stage.context.memory_barrier = lambda: None
+    stage.picture = SimpleNamespace(size=(1, 1))  # type: ignore[assignment]
+    stage.bridge = object.__new__(bridge.ReadBackBridge)
+    stage.bridge.input = SimpleNamespace(read_into=lambda packed: packed.fill(9))  # type: ignore[assignment]
+    stage.start(1, ended.set)
+    assert ended.wait(20)
+    done = stage._thread.take(1)
+    stage._thread.close()
+    assert done is not None and done.error is None and (done.made == 1).all()
+
+
+def test_weights_loaded_on_another_gpu_are_not_those_of_the_one_that_draws(second_gpu, monkeypatch):
+    """A window loads them on a thread of its own, before it knows which GPU draws."""
+    monkeypatch.setattr(neural, "_networks", {})
+    monkeypatch.setattr(neural, "Reconstructor", lambda *_, **__: torch.cuda.current_device())
+    loader = threading.Thread(target=neural.load_network, args=("fast", True, None, "auto", "cuda"))
+    loader.start()
+    loader.join(20)
+    assert [neural.load_network("fast", True, None, "auto", "cuda") for _ in range(2)] == [1, 1]
+    assert sorted(neural._networks.values()) == [0, 1]  # type: ignore[type-var]
 
 
 # -- EGL devices ----------------------------------------------------------------------------------------------------
@@ -202,7 +269,7 @@ class Stage(neural.NeuralStage):
 
         self.key, self._runner, self.network = ("balanced",), None, None  # type: ignore[assignment]
         self.bridge, self.context = Bridge(), Context()  # type: ignore[assignment]
-        self._thread = neural.NetworkThread()
+        self._thread, self._on_device = neural.NetworkThread(), nullcontext
 
 
 def test_a_lost_device_is_a_device_error_and_the_stage_is_made_anew():

@@ -5,7 +5,10 @@ Asked in order of certainty: the device's UUID (GL_EXT_memory_object), the CUDA 
 (EGL_NV_device_cuda), and the name of the renderer where only one CUDA device has it.
 """
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from .context import unshared
@@ -121,6 +124,18 @@ def use_matching_device(context: "moderngl.Context") -> Match:
     if made.index is not None and made.index != torch.cuda.current_device():
         torch.cuda.set_device(made.index)
     return made
+
+
+def on_same_device(device: str) -> Callable[[], AbstractContextManager[object]]:
+    """Makes contexts in which any thread uses the CUDA device that the calling one uses now.  device: cuda or cpu.
+
+    CUDA's current device belongs to a thread, and a new thread begins with device 0.
+    """
+    if device == "cpu":
+        return nullcontext
+    import torch
+
+    return partial(torch.cuda.device, torch.cuda.current_device())
 
 
 def other_gpu(context: "moderngl.Context") -> str:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ....model.network.engines import Runner
+from ..device.match_device import on_same_device
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -30,6 +31,7 @@ class BackgroundRunner:
     def __init__(self, network: "Reconstructor", height: int, width: int, make: Callable[..., Runner] = Runner):
         self._current = make(network, height, width, engine="eager")
         self.device = self._current.device
+        self._on_device = on_same_device(self.device)
         self._lock = threading.Lock()
         self._captured: Runner | None = None
         self._released = False
@@ -39,7 +41,8 @@ class BackgroundRunner:
 
     def _capture(self, make: Callable[..., Runner], network: "Reconstructor", height: int, width: int) -> None:
         try:
-            captured = make(network, height, width)
+            with self._on_device():
+                captured = make(network, height, width)
         except RuntimeError as error:  # CUDA's; a failed device makes the next run raise, and other exceptions are bugs
             log.warning("The network runs call by call: capturing its graph failed (%s)", error)
             return
@@ -47,7 +50,8 @@ class BackgroundRunner:
             if not self._released:
                 self._captured = captured
                 return
-        captured.release()
+        with self._on_device():
+            captured.release()
 
     def _use_captured(self) -> None:
         with self._lock:

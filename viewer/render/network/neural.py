@@ -21,7 +21,8 @@ from ..device import shader
 from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
-from ..device.match_device import use_matching_device
+from ..device.egl import current_cuda_number
+from ..device.match_device import on_same_device, use_matching_device
 from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, OverNetwork, PhotoColours
 from .background_capture import BackgroundRunner
 from .bridge import Network, ReadBackBridge
@@ -38,13 +39,14 @@ ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 
 _FAILED = ("failed",)
 """The key of a stage that is not to be used again."""
-_networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
+_networks: dict[tuple[str, bool, str | None, str, str, int | None], Reconstructor] = {}
+"""Those that are loaded; the last number of a key: of the CUDA device that has the weights."""
 
 
 def load_network(quality: str, filtered: bool, weights: str | None, precision: str, device: str) -> Reconstructor:
-    """A network, loaded once per process.  weights: a file used instead of the shipped weights.  Raises InputError where the
-    weights do not exist."""
-    key = (quality, filtered, weights, precision, device)
+    """A network, loaded once per process, and once for each CUDA device.  weights: a file used instead of the shipped weights.
+    Raises InputError where the weights do not exist."""
+    key = (quality, filtered, weights, precision, device, current_cuda_number() if device == "cuda" else None)
     if key not in _networks:
         engine = os.environ.get(ENGINE_VARIABLE) or None
         if engine is not None and engine not in ENGINES:
@@ -96,6 +98,7 @@ class NeuralStage:
         self.device = "cuda" if device != "cpu" and problem is None else "cpu"
         if self.device == "cuda":
             use_matching_device(programs.context)
+        self._on_device = on_same_device(self.device)
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self.presented: object = None
@@ -150,7 +153,7 @@ class NeuralStage:
         renderer makes a new one, which finds out what still works.
         """
         try:
-            with self._thread.lock:
+            with self._thread.lock, self._on_device():
                 return self.bridge.run(self._run)
         except Exception as error:
             self._fail(error)
@@ -188,16 +191,19 @@ class NeuralStage:
         if self._keeps and self.photographs is not None:
             self._kept = self._kept or KeptPhotographs(self.context, self.photographs)
             self._kept.take(self.photographs)
+        assert isinstance(self.bridge, ReadBackBridge)
         width, height = self.picture.size
         self.context.memory_barrier()
-        packed = np.frombuffer(bytearray(self.bridge.input.read()), np.float16).reshape(height, width, PACKED_IN)
+        packed = np.empty((height, width, PACKED_IN), np.float16)
+        self.bridge.input.read_into(packed)
         run = self._run
 
         def work() -> np.ndarray:
             import torch
 
-            made = run(torch.from_numpy(packed).to(run.device))
-            return np.ascontiguousarray(made.cpu().numpy())
+            with self._on_device():
+                made = run(torch.from_numpy(packed).to(run.device))
+                return np.ascontiguousarray(made.cpu().numpy())
 
         self._thread.start(serial, work, wake)
 
@@ -276,7 +282,7 @@ class NeuralStage:
         self._thread.close()
         self.bridge.release()
         if self._runner is not None:
-            with self._thread.lock:  # a run under way needs it to its end
+            with self._thread.lock, self._on_device():  # a run under way needs it to its end
                 self._runner.release()
         for owned in (self.picture, self._counted, self._kept, self._contradictions):
             if owned is not None:
