@@ -6,17 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from pointglass import look_at
-from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.open_scene import grids_of, open_scene
+from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.readers.remote.address import address_in
+from pointglass.viewer.readers.remote.octree_set import OctreeSet
 from pointglass.viewer.readers.remote.octree_view import octree_view
 from pointglass.viewer.render.renderer import Renderer
 from pointglass.viewer.stream import view_reader
 from pointglass.viewer.stream.view_reader import ViewReader
 
 sys.path += [str(Path(__file__).resolve().parents[1] / "unit" / part) for part in ("", "readers")]
+from cloud_files import write_las
 from copc_files import write_copc
 from format_files import Points, write_potree1
 from range_server import served
@@ -39,12 +43,15 @@ def site(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.round(xyz * 4096) / 4096, rgb.astype(np.uint16)
 
 
-def octree_at(text: str):
-    address = address_in(text)
-    assert address is not None
-    octree = octree_view(address, 0)
-    assert octree is not None
-    return octree
+def octrees_at(*texts: str) -> OctreeSet:
+    found = []
+    for text in texts:
+        address = address_in(text)
+        assert address is not None
+        octree = octree_view(address, 0)
+        assert octree is not None
+        found.append(octree)
+    return OctreeSet(found)
 
 
 def scene_for(reader: ViewReader, camera, last=None):
@@ -82,7 +89,7 @@ def test_what_is_looked_at_is_read_and_its_picture_is_that_of_the_whole_file(con
         files = {f"site/{file.relative_to(path)}": file.read_bytes() for file in path.rglob("*") if file.is_file()}
     whole, size = open_scene(path, cache=False), sum(map(len, files.values()))
     with served(files) as server:
-        octree = octree_at(f"{server.address}/{name}")
+        octree = octrees_at(f"{server.address}/{name}")
         reader = ViewReader(octree, lambda scene: scene)
         scene = scene_for(reader, HERE)
         before = server.sent
@@ -96,6 +103,31 @@ def test_what_is_looked_at_is_read_and_its_picture_is_that_of_the_whole_file(con
         assert reader.join(20)
 
 
+def test_of_several_octrees_beside_a_file_only_what_is_in_view_is_read_in_one_picture(context, tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    xyz, rgb = site(240_000)
+    side, files = (xyz[:, 0] // 2.7).astype(int), {}
+    for part in (0, 1):
+        path = write_copc(tmp_path / f"{part}.copc.laz", xyz[side == part], rgb[side == part])
+        files[path.name] = path.read_bytes()
+    here = write_las(tmp_path / "here.las", xyz[side == 2], rgb[side == 2])
+    whole = open_scene([tmp_path / "0.copc.laz", tmp_path / "1.copc.laz", here], cache=False)
+    with served(files) as server:
+        octrees = octrees_at(*(f"{server.address}/{name}" for name in files))
+        reader = ViewReader(octrees, lambda scene: scene, beside=grids_of([here]))
+        scene = scene_for(reader, HERE)
+        assert server.sent < 0.7 * sum(map(len, files.values()))
+        assert [Path(source).name for source in scene.meta.sources] == [*files, here.name]
+        assert difference(context, scene, whole, HERE) < 1
+        values = FileRecords(scene).of(np.arange(0, scene.count, 997))
+        assert values.exact and set(values.source.tolist()) == {0, 1, 2}
+        assert cKDTree(xyz).query(values.xyz)[0].max() < 0.001, "coordinates are those of the files"
+        scene = scene_for(reader, THERE, scene)
+        assert difference(context, scene, whole, THERE) < 1
+        reader.close()
+        assert reader.join(20)
+
+
 def test_a_lost_network_is_told_and_tried_again_and_a_changed_file_is_read_anew(tmp_path, monkeypatch):
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(view_reader, "_PAUSES_S", (0.1,))
@@ -104,7 +136,7 @@ def test_a_lost_network_is_told_and_tried_again_and_a_changed_file_is_read_anew(
     data = write_copc(tmp_path / "site.copc.laz", xyz, rgb).read_bytes()
     other = write_copc(tmp_path / "other.copc.laz", xyz[:50_000], rgb[:50_000]).read_bytes()
     with served({"site.copc.laz": data}) as server:
-        octree = octree_at(f"{server.address}/site.copc.laz")
+        octree = octrees_at(f"{server.address}/site.copc.laz")
         server.cuts, server.refuse["site.copc.laz"] = 2, 503
         reader = ViewReader(octree, lambda scene: scene)
         reader.look(HERE)
@@ -127,9 +159,9 @@ def test_the_copy_keeps_to_the_limit_of_the_cache(tmp_path, monkeypatch):
     xyz, rgb = site(100_000)
     data = write_copc(tmp_path / "site.copc.laz", xyz, rgb).read_bytes()
     with served({"site.copc.laz": data}) as server:
-        octree = octree_at(f"{server.address}/site.copc.laz")
+        octree = octrees_at(f"{server.address}/site.copc.laz")
         for numbers in np.array_split(np.arange(len(octree.nodes.levels)), 8):
             octree.fetch(numbers)
-            assert len(octree.chunk(numbers).xyz) == octree.nodes.points[numbers].sum()
+            assert len(octree.chunks(numbers)[0].xyz) == octree.nodes.points[numbers].sum()
             held = sum(file.stat().st_blocks * 512 for file in (tmp_path / "cache" / "remote").rglob("*"))
             assert held < 0.9e6 < len(data)

@@ -11,6 +11,7 @@ from x_server import ROOT
 
 sys.path += [str(ROOT / "tests" / "unit"), str(ROOT / "tests" / "unit" / "readers")]  # makers of files, and the web server
 
+from cloud_files import write_las
 from copc_files import write_copc
 from format_files import some, write_potree1
 from range_server import served
@@ -57,20 +58,25 @@ def test_an_octree_at_an_address_is_shown_while_its_last_file_is_awaited_and_lat
     assert "the copy read earlier is used" in (tmp_path / "window.log").read_text()
 
 
-def test_of_a_large_octree_at_an_address_only_what_is_in_view_is_fetched(tmp_path, monkeypatch):
+def test_of_large_octrees_at_addresses_beside_a_file_only_what_is_in_view_is_fetched(tmp_path, monkeypatch):
     monkeypatch.setenv("POINTGLASS_REMOTE_WHOLE_MB", "0.1")
     random = np.random.default_rng(2)
     xyz = random.uniform(0, 1, (240_000, 3)) * (400, 400, 2)
     xyz[60_000:, :2] = 200 + xyz[60_000:, :2] / 100  # a place of some pixels that has most of the points
     rgb = random.integers(0, 65536, xyz.shape).astype(np.uint16)
     data = write_copc(tmp_path / "made.copc.laz", np.round(xyz, 3), rgb).read_bytes()
-    with x_display() as display, served({"field.copc.laz": data}) as server:
-        window = RealWindow(display, tmp_path, "view", f"{server.address}/field.copc.laz", "--view", "raw")
+    other = write_copc(tmp_path / "other.copc.laz", np.round(xyz[40_000:] + (400, 0, 0), 3), rgb[40_000:]).read_bytes()
+    here = write_las(tmp_path / "here.las", xyz[:9_000] + (0, 400, 0), rgb[:9_000])
+    with x_display() as display, served({"field.copc.laz": data, "other.copc.laz": other}) as server:
+        window = RealWindow(display, tmp_path, "view", f"{server.address}/field.copc.laz", f"{server.address}/other.copc.laz",
+                            here, "--view", "raw")
         window.wait_for_title("field")
+        until(lambda: [*(tmp_path / "cache").glob("[!.]*/meta.json")], "the grid of the file of this machine")
         window.rest()
-        looked = server.sent
-        state = json.loads(next((tmp_path / "cache" / "remote").glob("*/state.json")).read_text())
-        assert not state["complete"] and not [*(tmp_path / "cache").glob("[!.]*/meta.json")], "all of it was not asked for"
-        assert 0.02 * len(data) < looked < 0.7 * len(data)
+        assert {path.split(".")[0] for path, first, _ in server.requests if first > 70_000} == {"field", "other"}
+        states = [json.loads(file.read_text()) for file in (tmp_path / "cache" / "remote").glob("*/state.json")]
+        assert len(states) == 2 and not any(state["complete"] for state in states)
+        assert len([*(tmp_path / "cache").glob("[!.]*/meta.json")]) == 1, "all of them was not asked for"
+        assert 0.02 * len(data) < server.sent < 0.7 * len(data + other)
         window.keys("ctrl+q")
         assert window.ended() == 0

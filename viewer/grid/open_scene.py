@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ..common.rigid_transform import Rows
     from ..common.workers.worker_choice import Workers
     from ..readers.moved_source import Moves
+    from .place.open_place import PlaceGrids
 
 _log = logging.getLogger(__name__)
 
@@ -82,6 +83,18 @@ def open_scene(
     for warning in scene.meta.warnings_about(WarningTopic.LEFT_OUT):
         _log.warning("%s", warning)
     return scene
+
+
+def grids_of(paths: Sequence[Path | str], *, match: bool = True, columns: str | None = None) -> "PlaceGrids":
+    """The grids of scans, from the cache or made now, which can be joined with others.  match, columns: as for open_scene.
+
+    Raises InputError where no file can be opened."""
+    from .place.open_place import place_grids
+
+    files = as_paths(paths)
+    found, left_out = present(files, {file for file in files if is_grid(file)})
+    grids = place_grids(found, match=match, columns=columns)
+    return replace(grids, errors=[*left_out, *grids.errors])
 
 
 def is_cached(files: list[Path], match: bool = True, columns: str | None = None, moves: "Moves | None" = None) -> bool:

@@ -1,6 +1,8 @@
-"""A scene in memory of some nodes of an octree: what of a scan at an address was read so far.  Frame: file coordinates."""
+"""A scene of some nodes of octrees: what of scans at addresses was read so far, and the grids of the files beside them.
 
-from collections.abc import Iterator, Sequence
+Frame: file coordinates."""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,8 @@ from ..grid.build_scene import in_memory, stated_facts
 from ..readers.source import CHUNK, Chunk, Source
 
 if TYPE_CHECKING:
+    from ..grid.density_layers import Lattice
+    from ..grid.place.open_place import PlaceGrids
     from ..grid.scene import Scene
     from ..readers.remote.octree_view import OctreeNodes
 
@@ -39,9 +43,30 @@ class NodeSource(Source):
                 yield Chunk(part.xyz[rows], rgb, intensity, part.scan, 0, station, classes)
 
 
-def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, spacing: float = 0.0, match: bool = True) -> "Scene":
+def scene_of_octrees(parts: Mapping[Source, Sequence[Chunk]], *, spacing: float = 0.0, match: bool = True,
+                     beside: "PlaceGrids | None" = None) -> "Scene":
+    """The scene of points of some nodes of each of several scans.  beside: grids of files that are read whole.  Others: as for
+    :func:`scene_of_nodes`.  Cells have the size of those of the files, or as the scan with most points asks for."""
+    if len(parts) == 1 and beside is None:
+        ((source, chunks),) = parts.items()
+        return scene_of_nodes(source, chunks, spacing=spacing, match=match)
+    from ..grid.density_layers import Lattice
+    from ..grid.place.measured_place import joined_in_memory, scene_of_grids
+
+    lattice = Lattice(beside.scenes[0].cell_size if beside is not None else None)
+    made: dict[Source, Scene] = {}
+    for source in sorted(parts, key=lambda one: -sum(len(part.xyz) for part in parts[one])):
+        made[source] = scene_of_nodes(source, parts[source], spacing=spacing, match=match, lattice=lattice)
+        lattice = Lattice(made[source].cell_size)
+    scenes = [made[source] for source in parts]
+    return joined_in_memory(scenes) if beside is None else scene_of_grids(beside.scenes, beside.folders, match=match,
+                                                                           more=scenes)
+
+
+def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, spacing: float = 0.0, match: bool = True,
+                   lattice: "Lattice | None" = None) -> "Scene":
     """The scene of points of some nodes.  of: the whole scan.  spacing: of all its points, file units; 0: that of these.
-    match: as for viewer.grid.open_scene.open_scene.
+    match: as for viewer.grid.open_scene.open_scene.  lattice: of a scene of several scans.
 
     Exposures, missing colour and noise are estimated of these points alone.  Raises InputError where none is valid."""
     from ..grid.building.two_passes import build_grid
@@ -49,15 +74,15 @@ def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, spacing: float = 0.0, 
 
     sources: list[Source] = [NodeSource(of, parts)]
     known = replace(stated_facts(sources), match=match)
-    scene = build_grid(sources, colours=Colours(sources, match=match), allocate=in_memory, known=known)
+    scene = build_grid(sources, colours=Colours(sources, match=match), allocate=in_memory, known=known, lattice=lattice)
     return replace(scene, spacing=spacing) if spacing > 0 else scene
 
 
-def finest_spacing(nodes: "OctreeNodes", numbers: np.ndarray, parts: Sequence[Chunk]) -> float:
+def finest_spacing(nodes: "OctreeNodes", numbers: np.ndarray, parts: Mapping[int, Sequence[Chunk]]) -> float:
     """Median spacing where all points of the scan are there, file units; 0.0 where that is nowhere.  A scene of which far parts
     are coarse would take their spacing for the scan's, and fill other holes.
 
-    numbers: (k,) of the nodes that ``parts`` are the points of."""
+    numbers: (k,) of the nodes that ``parts`` are the points of, by octree."""
     leaves = numbers[nodes.leaves[numbers]]
     if not len(leaves):
         return 0.0
@@ -65,7 +90,8 @@ def finest_spacing(nodes: "OctreeNodes", numbers: np.ndarray, parts: Sequence[Ch
     found = []
     for leaf in leaves[np.searchsorted(share, (np.arange(_CUBES) + 0.5) / _CUBES * share[-1])].tolist():
         low, high = nodes.low[leaf], nodes.low[leaf] + nodes.sides[leaf]
-        inside = [part.xyz[((part.xyz >= low) & (part.xyz <= high)).all(axis=1)] for part in parts]
+        tree = 0 if nodes.tree is None else int(nodes.tree[leaf])
+        inside = [part.xyz[((part.xyz >= low) & (part.xyz <= high)).all(axis=1)] for part in parts.get(tree, ())]
         points = np.concatenate([np.zeros((0, 3)), *inside])
         if len(points) > _ENOUGH:
             found.append(median_spacing(points, samples=_QUERIES))

@@ -1,4 +1,4 @@
-"""Reads of an octree at an address what a camera looks at, on threads of its own, and makes scenes of what came.
+"""Reads of octrees at addresses what a camera looks at, on threads of its own, and makes scenes of what came.
 
 The next nodes are fetched while those that came are decoded.  A scene holds all nodes that are kept: those of the present view,
 and of earlier views as many as memory allows.  A lost network is tried again until it is back.
@@ -19,12 +19,14 @@ import numpy as np
 from ...model.common.system import lower_thread_priority
 from ..common.errors import InputError
 from ..picture.camera import Camera
-from ..readers.remote.octree_view import OctreeView, octree_view
+from ..readers.remote.octree_set import OctreeSet
+from ..readers.remote.octree_view import octree_view
 from ..readers.remote.remote_object import ChangedFileError, UnreachableError
 from .nodes_in_view import MOST_POINTS, nodes_in_view
-from .scene_of_nodes import finest_spacing, scene_of_nodes
+from .scene_of_nodes import finest_spacing, scene_of_octrees
 
 if TYPE_CHECKING:
+    from ..grid.place.open_place import PlaceGrids
     from ..grid.scene import Scene
     from ..readers.source import Chunk
 
@@ -64,10 +66,11 @@ class ReadingState:
 
 @dataclass
 class _Kept:
-    """Nodes that are in memory.  used: the number of the last view that wanted one."""
+    """Nodes that are in memory.  chunks: their points, by octree.  used: the number of the last view that wanted one."""
 
     numbers: np.ndarray
-    chunk: "Chunk"
+    chunks: "dict[int, Chunk]"
+    points: int
     used: int = 0
 
 
@@ -81,11 +84,11 @@ class _View:
 
 class ViewReader:
     """state: what it does, for a person.  prepare: turns a scene into what :meth:`take` returns, on the reader's thread.  wake:
-    called there when there is something to take or the state has changed.  match: as for scene_of_nodes."""
+    called there when there is something to take or the state has changed.  match, beside: as for scene_of_octrees."""
 
-    def __init__(self, octree: OctreeView, prepare: "Callable[[Scene], Any]", *, match: bool = True,
-                 wake: Callable[[], None] = lambda: None):
-        self._octree, self._prepare, self._match, self._wake = octree, prepare, match, wake
+    def __init__(self, octree: OctreeSet, prepare: "Callable[[Scene], Any]", *, match: bool = True,
+                 wake: Callable[[], None] = lambda: None, beside: "PlaceGrids | None" = None):
+        self._octree, self._prepare, self._match, self._wake, self._beside = octree, prepare, match, wake, beside
         self.state = ReadingState(int(octree.nodes.points.sum()), octree.size)
         self._camera: Camera | None = None
         self._made: Any = None
@@ -167,7 +170,7 @@ class ViewReader:
                 fresh += int(self._octree.nodes.points[numbers].sum())
             left = self._missing(view)
             self._tell(left=int(self._octree.nodes.bytes[left].sum()))
-            grown = fresh * _GROWTH >= sum(len(kept.chunk.xyz) for kept in self._kept)
+            grown = fresh * _GROWTH >= sum(kept.points for kept in self._kept)
             if fresh and (not len(left) or (grown and monotonic() > next_scene)):
                 began = monotonic()
                 self._show()
@@ -230,17 +233,22 @@ class ViewReader:
 
     def _take_in(self, numbers: np.ndarray, view: _View) -> None:
         """Decodes nodes, and gives up those that no view has wanted for longest where they are too many."""
-        self._kept.append(_Kept(numbers, self._octree.chunk(numbers), view.number))
-        while sum(len(kept.chunk.xyz) for kept in self._kept) > _KEPT:
+        chunks = self._octree.chunks(numbers)
+        self._kept.append(_Kept(numbers, chunks, sum(len(chunk.xyz) for chunk in chunks.values()), view.number))
+        while sum(kept.points for kept in self._kept) > _KEPT:
             oldest = min(self._kept, key=lambda kept: kept.used)
             if oldest.used == view.number:
                 return
             self._kept.remove(oldest)
 
     def _show(self) -> None:
-        parts = [kept.chunk for kept in self._kept]
+        parts: dict[int, list[Chunk]] = {}
+        for kept in self._kept:
+            for tree, chunk in kept.chunks.items():
+                parts.setdefault(tree, []).append(chunk)
         spacing = finest_spacing(self._octree.nodes, np.concatenate([kept.numbers for kept in self._kept]), parts)
-        made = self._prepare(scene_of_nodes(self._octree.source, parts, spacing=spacing, match=self._match))
+        sources = {self._octree.octrees[tree].source: parts[tree] for tree in sorted(parts)}
+        made = self._prepare(scene_of_octrees(sources, spacing=spacing, match=self._match, beside=self._beside))
         with self._news:
             self._made = made
         self._wake()
@@ -248,7 +256,7 @@ class ViewReader:
     def _tell(self, **changes: Any) -> None:
         """Changes the state.  From any thread of the reader."""
         nodes = self._octree.nodes
-        known = {"here": sum(len(kept.chunk.xyz) for kept in [*self._kept]), "held": int(nodes.bytes[self._fetched].sum())}
+        known = {"here": sum(kept.points for kept in [*self._kept]), "held": int(nodes.bytes[self._fetched].sum())}
         state = replace(self.state, **known, **changes)
         if state != self.state:
             self.state = state
@@ -259,10 +267,14 @@ class ViewReader:
             self._news.wait_for(lambda: self._closed or self._camera is not looked)
 
     def _begin_anew(self) -> None:
-        """The scan changed on the server: nothing of the old one is kept."""
-        found = self._patiently(lambda: octree_view(self._octree.address, -1))
-        if found is None:
-            raise InputError(f"{self._octree.address.text}: is another file than before", remedy="open it again")
+        """A scan changed on its server: nothing of the old ones is kept."""
+        views = []
+        for address in [one.address for one in self._octree.octrees]:
+            view = self._patiently(lambda address=address: octree_view(address, -1))
+            if view is None:
+                raise InputError(f"{address.text}: is another file than before", remedy="open it again")
+            views.append(view)
+        found = OctreeSet(views)
         self._octree, self._kept = found, []
         self._fetched = np.zeros(len(found.nodes.levels), bool)
         self.state = ReadingState(int(found.nodes.points.sum()), found.size)

@@ -87,7 +87,8 @@ def sources_of(scene: "Scene", columns: str | None = None) -> list[Source]:
 
     paths = [Path(path) for path in scene.meta.sources]
     origin = scene.meta.records or RecordOrigin()
-    return list(scene.live) or open_sources(paths, columns or origin.columns, moves_at(paths, origin.moves))
+    live = list(scene.live) if len(scene.live) == len(paths) else []
+    return live or open_sources(paths, columns or origin.columns, moves_at(paths, origin.moves))
 
 
 class SourceRecords:

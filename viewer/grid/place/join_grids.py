@@ -25,9 +25,9 @@ _REACH = 1 << 30
 """Farthest cell from the first, so that cell numbers fit int32."""
 
 
-def joined(scenes: Sequence[Scene], folders: Sequence[Path], open_column: Callable[[Path], np.ndarray],
+def joined(scenes: Sequence[Scene], folders: Sequence[Path | None], open_column: Callable[[Path], np.ndarray],
            gains: Sequence[np.ndarray | None] | None = None, missing_black: Sequence[bool] | None = None) -> Scene:
-    """One scene of the grids in ``folders``, read as ``scenes``.
+    """One scene of the grids in ``folders``, read as ``scenes``.  None in place of a folder: the grid is in memory only.
 
     open_column: maps a column's file.  gains: for each grid (S, 3) factors of the sRGB values of its stations, None where
     they are 1; None: of all grids.  missing_black: for each grid whether black
@@ -35,18 +35,19 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path], open_column: Callab
     far apart.
     """
     size = scenes[0].cell_size
-    for scene, folder in zip(scenes, folders):
+    places = [folder or Path(scene.meta.title) for scene, folder in zip(scenes, folders)]
+    for scene, place in zip(scenes, places):
         if scene.cell_size != size:
-            raise InputError(f"has cells of {scene.cell_size:g}, and {folders[0].name} of {size:g}: they cannot be one scene",
-                             file=folder, remedy="convert their scans together, or give the scans themselves")
+            raise InputError(f"has cells of {scene.cell_size:g}, and {places[0].name} of {size:g}: they cannot be one scene",
+                             file=place, remedy="convert their scans together, or give the scans themselves")
         if scene.records is None or scene.checksums is None or scene.parts != PARTS:
-            raise InputError("was made by an earlier version and cannot be part of a scene of several grids", file=folder,
+            raise InputError("was made by an earlier version and cannot be part of a scene of several grids", file=place,
                              remedy="convert the scan again")
     bases = np.array([np.rint(scene.origin / size) for scene in scenes])
     base = bases.min(axis=0)
     if (bases - base).max() > _REACH:
         far = int((bases - base).max(axis=1).argmax())
-        raise InputError(f"lies too far from {folders[0].name} to be in one scene", file=folders[far],
+        raise InputError(f"lies too far from {places[0].name} to be in one scene", file=places[far],
                          remedy="open each place by itself")
     layers = max(scene.layers for scene in scenes)
     offsets = [np.concatenate([np.zeros((layers - scene.layers) * len(scene.cell_coords), np.int64), scene.offsets])
@@ -56,12 +57,13 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path], open_column: Callab
     ends = np.concatenate([[0], np.cumsum(np.concatenate(sizes, axis=1).reshape(-1))])
     meta, first_stations = joined_facts(scenes)
     points: Any = JoinedPoints(
-        table, [folder / "points.npy" for folder in folders], [np.asarray(scene.checksums) for scene in scenes],
+        table, [folder / "points.npy" if folder else scene.points for scene, folder in zip(scenes, folders)],
+        [np.asarray(scene.checksums) for scene in scenes],
         changes_of(scenes, first_stations, gains, missing_black), first_stations, open_column,
     )  # fmt: skip
     records = JoinedRecords(
         table, [scene.records for scene in scenes if scene.records is not None],
-        [(folder / "records.npy", folder / "records_high.npy") for folder in folders], open_column,
+        [_record_columns(scene, folder) for scene, folder in zip(scenes, folders)], open_column,
     )  # fmt: skip
     coords = np.concatenate([scene.cell_coords + (own - base).astype(np.int32) for scene, own in zip(scenes, bases)])
     corners = np.stack([scene.bounds for scene in scenes])
@@ -71,6 +73,14 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path], open_column: Callab
         bounds, meta, None, PARTS, _rows([scene.faces for scene in scenes]), _rows([scene.boxes for scene in scenes]),
         joined_noise([scene.noise for scene in scenes], [scene.count for scene in scenes], bounds), records,
     )  # fmt: skip
+
+
+def _record_columns(scene: Scene, folder: Path | None) -> tuple[Any, Any]:
+    """Of the running numbers: the lower 32 bits and those above."""
+    if folder is not None:
+        return folder / "records.npy", folder / "records_high.npy"
+    assert scene.records is not None
+    return scene.records.low, scene.records.high
 
 
 def changes_of(scenes: Sequence[Scene], first_stations: Sequence[int], gains: Sequence[np.ndarray | None] | None,

@@ -19,6 +19,7 @@ from ...preprocess.scan_table import MOST_NUMBERS
 from ...readers.source import AS_STORED
 from ..building.cluster_check import place_warnings
 from ..differences import differences
+from ..records.point_records import IN_MEMORY
 from ..scene import Scene
 
 _SHADES = ("rgb", "intensity", "height")
@@ -65,7 +66,8 @@ def _origin(scenes: Sequence[Scene]) -> RecordOrigin:
         first += (records.first[1:] + base).tolist()
         scans += origin.scans
         moves += [origin.move_of(source) for source in range(sources)]
-    files = [origin.files for origin in known]
+    files = [(IN_MEMORY,) * (len(scene.records.first) - 1) if scene.live and scene.records else origin.files
+             for scene, origin in zip(scenes, known)]
     columns = next((origin.columns for origin in known if origin.columns), None)
     return RecordOrigin(
         tuple(first), None if None in scan_first else tuple(at for starts in scan_first for at in starts), tuple(scans), turns,

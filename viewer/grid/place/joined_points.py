@@ -5,7 +5,7 @@ of one grid.  The numbering is a table of pieces, a run of points of one layer o
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -26,18 +26,22 @@ _FEW = 4096
 class OpenColumns:
     """Memory maps of columns, opened when they are needed; those used last are kept.  From any thread.
 
-    open_column: maps a file (viewer.grid.cache.mapped)."""
+    paths: of the files; an array in place of one is the column of a grid in memory.  open_column: maps a file
+    (viewer.grid.cache.mapped)."""
 
-    def __init__(self, paths: list[Path], open_column: Callable[[Path], np.ndarray]):
+    def __init__(self, paths: Sequence[Path | np.ndarray], open_column: Callable[[Path], np.ndarray]):
         self._paths, self._open_column = paths, open_column
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._lock = Lock()
 
     def __getitem__(self, number: int) -> np.ndarray:
+        path = self._paths[number]
+        if isinstance(path, np.ndarray):
+            return path
         with self._lock:
             found = self._kept.pop(number, None)
             if found is None:
-                found = self._open_column(self._paths[number])
+                found = self._open_column(path)
             self._kept[number] = found
             while len(self._kept) > _OPEN:
                 self._kept.popitem(last=False)
@@ -46,9 +50,12 @@ class OpenColumns:
 
     def rows(self, number: int, first: int, count: int) -> np.ndarray:
         """Rows of a column, ``count`` from ``first`` on; few of one that is not mapped are read, without a map."""
+        path = self._paths[number]
         with self._lock:
             known = number in self._kept
-        return self[number][first : first + count] if known or count > _FEW else rows_of(self._paths[number], first, count)
+        if known or count > _FEW or isinstance(path, np.ndarray):
+            return self[number][first : first + count]
+        return rows_of(path, first, count)
 
 
 class PieceTable:
@@ -137,11 +144,12 @@ class JoinedColumn:
 
 
 class JoinedPoints(JoinedColumn):
-    """Packed points (N, 3) uint32.  files: of the points of each grid, .npy.  checksums: of each grid, as in Scene.
-    changes: of each grid's points.  first_stations: number of the first station of each grid, without a limit."""
+    """Packed points (N, 3) uint32.  files: of the points of each grid, .npy, or the points, where they are in memory.
+    checksums: of each grid, as in Scene.  changes: of each grid's points.  first_stations: number of the first
+    station of each grid, without a limit."""
 
-    def __init__(self, table: PieceTable, files: list[Path], checksums: list[np.ndarray], changes: list[PointChange],
-                 first_stations: list[int], open_column: Callable[[Path], np.ndarray]):
+    def __init__(self, table: PieceTable, files: Sequence[Path | np.ndarray], checksums: list[np.ndarray],
+                 changes: list[PointChange], first_stations: list[int], open_column: Callable[[Path], np.ndarray]):
         super().__init__(table, OpenColumns(files, open_column), (3,), np.uint32)
         self.files, self.checksums, self.changes, self.first_stations = files, checksums, changes, first_stations
 

@@ -17,7 +17,7 @@ import numpy as np
 from ....model.common.files.atomic_write import write_atomic
 from ...common.paths import cache_dir
 from ...common.progress import progress
-from ..cache import mapped
+from ..cache import checksums, mapped
 from ..scene import Scene
 from .join_grids import joined
 from .joined_exposures import applied_gains, has_missing_black, solved_gains, station_counts
@@ -38,11 +38,12 @@ class Measured:
     missing_black: list[bool]
 
 
-def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: bool = True) -> Scene:
+def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: bool = True, more: Sequence[Scene] = ()
+                   ) -> Scene:
     """The scene of several grids, with their exposures compensated, if ``match``.  Raises InputError as
     viewer.grid.place.join_grids.
 
-    scenes: as read from ``folders``.
+    scenes: as read from ``folders``; at least one.  more: grids that are in memory only, which stay as they are.
     """
     kept, stations = _kept(scenes, folders, match), station_counts(scenes)
     found = _read(kept, sum(stations), len(scenes))
@@ -56,8 +57,18 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
             found = Measured(gains, matched, spacing, has_missing_black(scenes, folders))
         _write(kept, found)
     by_grid, summary = applied_gains(found.gains, found.matched, stations)
-    scene = replace(joined(scenes, folders, mapped, by_grid, found.missing_black), spacing=found.spacing)
+    scene = joined_in_memory(more, scenes, folders, by_grid, found.missing_black)
+    scene = scene if more else replace(scene, spacing=found.spacing)
     return replace(scene, meta=replace(scene.meta, exposures=summary)) if match else scene
+
+
+def joined_in_memory(more: Sequence[Scene], scenes: Sequence[Scene] = (), folders: Sequence[Path] = (),
+                     gains: Sequence[np.ndarray | None] = (), missing_black: Sequence[bool] = ()) -> Scene:
+    """The scene of grids in memory, and of others behind them, which are as for viewer.grid.place.join_grids."""
+    known = [replace(scene, checksums=checksums(scene.points)[0]) for scene in more]
+    scene = joined([*known, *scenes], [*[None] * len(known), *folders], mapped, [*[None] * len(known), *gains],
+                   [*(scene.unlit for scene in known), *missing_black])
+    return replace(scene, live=tuple(source for one in known for source in one.live))
 
 
 def _kept(scenes: Sequence[Scene], folders: Sequence[Path], match: bool) -> Path:

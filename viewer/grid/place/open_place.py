@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +29,24 @@ def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None
                workers: "Workers | None" = None) -> tuple[Scene, list[InputError]]:
     """One scene of files, and of folders made by ``convert``, and why each of the files that are not in it could not be read.
 
+    match, columns, moves, workers: as for :func:`place_grids`, which says what is raised."""
+    grids = place_grids(paths, match=match, columns=columns, moves=moves, workers=workers)
+    return scene_of_grids(grids.scenes, grids.folders, match=match), grids.errors
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceGrids:
+    """The grids of a place.  scenes: as read from ``folders``.  errors: why other files could not be read."""
+
+    scenes: list[Scene]
+    folders: list[Path]
+    errors: list[InputError]
+
+
+def place_grids(paths: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None,
+                workers: "Workers | None" = None) -> PlaceGrids:
+    """The grids of files and of folders made by ``convert``, which can be joined.
+
     match, columns, moves, workers: as for viewer.grid.open_scene.  Files whose grid is in the cache are not read.  Without
     ``workers`` as many processes convert as this machine has room for (viewer.grid.place.own_processes).  Folders decide on
     the cells; where theirs differ, those of the fewest points are laid again (viewer.grid.place.relaid_grid).  Raises
@@ -48,8 +66,8 @@ def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None
             opened.append(with_cells(given[path], path, size))
         elif path in folders:
             opened.append((_opened(folders[path], path, cache_dir(), replace(options, cell_size=size)), folders[path]))
-    scene = scene_of_grids([scene for scene, _ in opened], [folder for _, folder in opened], match=match)
-    return scene, [errors[file] for file in files if file in errors]
+    return PlaceGrids([scene for scene, _ in opened], [folder for _, folder in opened],
+                      [errors[file] for file in files if file in errors])
 
 
 def folder_scene(folder: Path, match: bool, moves: "Moves | None", *, late: bool = False) -> Scene:

@@ -21,7 +21,7 @@ from ...preprocess.scan_description import RecordOrigin
 from ...readers.source import AS_STORED, Records, Source
 from ..scene import Scene, attributes_of, colours, let_go, packed, positions, scan_numbers
 from .gathered_columns import GatheredColumns
-from .point_records import identity_of
+from .point_records import IN_MEMORY, identity_of
 from .record_lookup import Lookup, SortedNumbers, lookup_of
 
 _FEW = 100_000
@@ -223,7 +223,7 @@ class FileRecords:
         """The opened file, or why it cannot be read."""
         assert self._records is not None
         with self._records.lock:
-            if number < len(self._files):
+            if number < len(self._files) and self._files[number] != IN_MEMORY:
                 file, *state = self._files[number]
                 try:
                     if list(identity_of(Path(file))[1:]) != state:

@@ -21,6 +21,8 @@ CHUNK = 65536
 """Numbers that are checked together, as many as the points of a chunk (viewer.grid.scene)."""
 _LOW_BITS = 32
 MOST_POINTS = 1 << 40
+IN_MEMORY = ("", 0, 0)
+"""In place of the identity of a file (:func:`identity_of`): the source is in memory, and read from there."""
 """Of all sources together."""
 
 

@@ -51,7 +51,7 @@ def most_whole() -> int:
 class OctreeNodes:
     """The nodes that hold points.  levels, points, bytes: (n,) int64; bytes of EPT and Potree 1 are estimates.  cells: (n, 3)
     int64, places among the cubes of a level.  low: (n, 3) lowest corners of the cubes, sides: (n,) lengths, spacing: (n,) of
-    the points; float64, file units."""
+    the points; float64, file units.  tree: (n,) int64 number of the octree, of several; None: there is one."""
 
     levels: np.ndarray
     cells: np.ndarray
@@ -60,12 +60,14 @@ class OctreeNodes:
     low: np.ndarray
     sides: np.ndarray
     spacing: np.ndarray
+    tree: np.ndarray | None = None
 
     @cached_property
     def leaves(self) -> np.ndarray:
         """(n,) bool: nodes without children; with all above them, all points in their cubes are there."""
-        rows = np.column_stack([self.levels, self.cells])
-        parents = np.column_stack([rows[:, 0] - 1, rows[:, 1:] >> 1])
+        tree = np.zeros_like(self.levels) if self.tree is None else self.tree
+        rows = np.column_stack([tree, self.levels, self.cells])
+        parents = np.column_stack([tree, rows[:, 1] - 1, rows[:, 2:] >> 1])
         found = np.unique(np.concatenate([rows, parents]), axis=0, return_inverse=True)[1].reshape(-1)
         return ~np.isin(found[: len(rows)], found[len(rows) :])
 

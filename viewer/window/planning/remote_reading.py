@@ -11,8 +11,10 @@ from ...readers.remote.address import address_in
 from ..kit.notices import LoadAllPoints, Notices, ScanNotice
 
 if TYPE_CHECKING:
+    from ...grid.place.open_place import PlaceGrids
     from ...grid.scene import Scene
     from ...picture.camera import Camera
+    from ...readers.remote.octree_set import OctreeSet
     from ...readers.remote.octree_view import OctreeView
     from ...stream.view_reader import ReadingState, ViewReader
 
@@ -20,10 +22,9 @@ _MOVING_S = 0.4
 """Seconds between two cameras of a movement that are read for: a batch of nodes takes 0.7."""
 
 
-def view_of(paths: Sequence[Path]) -> "OctreeView | None":
-    """The octree of which only what is in view is read; None where the scans are read whole: files of this machine, several,
-    small ones, those without an octree, and those that cannot be read, which the complete load reports."""
-    if len(paths) != 1 or (address := address_in(paths[0])) is None:
+def _octree_at(path: Path) -> "OctreeView | None":
+    """The octree at an address of which only what is in view is read."""
+    if (address := address_in(path)) is None:
         return None
     from ...readers.remote.octree_view import most_whole, octree_view
 
@@ -34,12 +35,15 @@ def view_of(paths: Sequence[Path]) -> "OctreeView | None":
 
 
 class RemoteReading:
-    """One window's.  on: whether only what is in view is read now.  match: whether colours are made equal."""
+    """One window's.  on: whether only what is in view is read now.  match: whether colours are made equal.  columns: as for
+    viewer.grid.open_scene, of the files that are opened beside.  cache: whether grids are kept, as those of such files must be.
+    """
 
     def __init__(self, notices: Notices, wake: Callable[[], None]):
         self._notices, self._wake = notices, wake
-        self.match = True
-        self._begun: tuple[OctreeView, Callable[[Scene], Any], bool] | None = None
+        self.match, self.cache = True, True
+        self.columns: str | None = None
+        self._begun: tuple[OctreeSet, Callable[[Scene], Any], bool, PlaceGrids | None] | None = None
         self._reader: ViewReader | None = None
         self._looked, self._told = 0.0, False
 
@@ -52,10 +56,36 @@ class RemoteReading:
         assert self._reader is not None
         return self._reader.state
 
-    def begin(self, octree: "OctreeView", prepare: "Callable[[Scene], Any]", match: bool) -> None:
-        """Reads what is in view of ``octree`` from now on.  prepare, match: as for ViewReader."""
+    def plan(self, paths: Sequence[Path]) -> "tuple[OctreeSet | None, list[Path]]":
+        """The octrees of which only what is in view is read, None where there are none, and the scans that are read whole:
+        files of this machine, small ones, those without an octree, and those that cannot be read, which is said later."""
+        views, whole = [], []
+        for path in dict.fromkeys(paths):
+            found = _octree_at(path)
+            (whole.append(path) if found is None else views.append(found))
+        if not views or (whole and not self.cache):
+            return None, [*paths]
+        from ...readers.remote.octree_set import OctreeSet
+
+        return OctreeSet(views), whole
+
+    def grids_of(self, paths: Sequence[Path], match: bool) -> "tuple[PlaceGrids | None, list[InputError]]":
+        """The grids of scans that are read whole, None where there are none, and why others are not among them."""
+        if not paths:
+            return None, []
+        from ...grid.open_scene import grids_of
+
+        try:
+            grids = grids_of(paths, match=match, columns=self.columns)
+        except InputError as error:
+            return None, [error]
+        return grids, grids.errors
+
+    def begin(self, octrees: "OctreeSet", prepare: "Callable[[Scene], Any]", match: bool,
+              beside: "PlaceGrids | None" = None) -> None:
+        """Reads what is in view of ``octrees`` from now on.  prepare, match, beside: as for ViewReader."""
         self.forget()
-        self._begun = octree, prepare, match
+        self._begun = octrees, prepare, match, beside
         self.resume()
 
     def resume(self) -> bool:
@@ -63,8 +93,8 @@ class RemoteReading:
         if self._begun is not None and self._reader is None:
             from ...stream.view_reader import ViewReader
 
-            octree, prepare, match = self._begun
-            self._reader, self._told = ViewReader(octree, prepare, match=match, wake=self._wake), False
+            octrees, prepare, match, beside = self._begun
+            self._reader, self._told = ViewReader(octrees, prepare, match=match, wake=self._wake, beside=beside), False
         return self.on
 
     def pause(self) -> None:
@@ -124,6 +154,6 @@ class RemoteReading:
     def notice(self) -> ScanNotice:
         """The offer to read all."""
         assert self._begun is not None
-        host = self._begun[0].address.host
+        host = self._begun[0].host
         return ScanNotice(f"Only what is in view is fetched from {host}; all of it is {bytes_text(self.state.size)}.",
                           LoadAllPoints())

@@ -15,13 +15,14 @@ from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
 from ..kit.worker import Worker
-from ..planning.remote_reading import RemoteReading, view_of
+from ..planning.remote_reading import RemoteReading
 
 if TYPE_CHECKING:
+    from ...grid.place.open_place import PlaceGrids
     from ...grid.scene import Scene
     from ...readers.moved_source import Moves
+    from ...readers.remote.octree_set import OctreeSet
     from .recovery import Recoverable
-
 
 _FINER = (FIRST_POINTS, 4 * FIRST_POINTS, 16 * FIRST_POINTS)
 """Points of the pictures of a scan at an address, one after another while the rest is read, at most.  Whole levels of an octree
@@ -217,12 +218,15 @@ class ScanLoads:
 
         def work() -> "Loaded | Callable[[], None]":
             files = expanded(given)
-            octree = None if whole or same_work or moves else view_of(files)
-            shown = whole or (not same_work and self._first_pictures(
-                files, colours, lambda: self.current is worker[0] and not worker[0].cancelled, most=1 if octree else None))
-            if octree is not None and shown:
-                return partial(self.reading.begin, octree, partial(_part_of, tuple(files)),
-                               colours.get("match", self.reading.match))
+            octrees, others = (None, files) if whole or same_work or moves else self.reading.plan(files)
+            first = partial(self._first_pictures, colours=colours, most=1 if octrees else None,
+                            wanted=lambda: self.current is worker[0] and not worker[0].cancelled)
+            shown = whole or (not same_work and first(files))
+            if octrees is not None and (shown or first([file for file in files if file not in others])):
+                match = colours.get("match", self.reading.match)
+                beside, problems = self.reading.grids_of(others, match)
+                opened = tuple(file for file in files if not any(error.is_of(file) for error in problems))
+                return partial(self._read_in_view, octrees, opened, match, beside, problems)
             scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
             for file in opened:
                 ends_of(file)  # read and kept here: the window asks for it when the scene is shown, and a disk may be slow
@@ -240,7 +244,7 @@ class ScanLoads:
         paths, recovered = self._asked
         self.open(paths, recovered=recovered)
 
-    def _first_pictures(self, files: list[Path], colours: dict, wanted: Callable[[], bool], most: int | None) -> bool:
+    def _first_pictures(self, files: list[Path], *, colours: dict, wanted: Callable[[], bool], most: int | None) -> bool:
         """Makes the preview, or several, each finer, on the worker's thread.  Returns whether there is one.  Errors are left to
         the complete load.  most: previews; None: as many as there are."""
         detail = 0
@@ -260,6 +264,12 @@ class ScanLoads:
             detail += 1
             if detail == most or not any(map(address_in, files)):
                 return True
+
+    def _read_in_view(self, octrees: "OctreeSet", files: tuple[Path, ...], match: bool, beside: "PlaceGrids | None",
+                      problems: "Sequence[Problem]") -> None:
+        """Reads what is in view from now on.  files: those of the scene.  problems: why others are not among them."""
+        self.reading.begin(octrees, partial(_part_of, files), match, beside)
+        self._tell_left_out(problems, len(files))
 
     def preview_shown(self) -> None:
         """The preview is on the screen: the complete load goes on."""
@@ -295,10 +305,13 @@ class ScanLoads:
             return preview
         if loaded is not None:
             self.reading.forget()
-        if loaded is not None and loaded.problems:
-            number = len(loaded.problems)
-            self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", *loaded.problems)
+        if loaded is not None:
+            self._tell_left_out(loaded.problems, len(loaded.paths))
         return loaded
+
+    def _tell_left_out(self, problems: "Sequence[Problem]", opened: int) -> None:
+        if problems:
+            self._notices.say(f"{len(problems)} of {len(problems) + opened} files could not be opened", *problems)
 
     def close(self) -> None:
         """Stops the load, and waits until what was being written is removed."""

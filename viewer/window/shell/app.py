@@ -81,7 +81,8 @@ class App:
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
-        self.session.loads.reading.match = match
+        reading = self.session.loads.reading
+        reading.match, reading.columns, reading.cache = match, columns, cache
         self.files = FileDialogs(self._wake_loop, self._scan_folder)
         self.choice_window = ChoiceWindow()
         self.chosen_button = ChosenButton()  # of the message
