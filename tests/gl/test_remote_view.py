@@ -61,7 +61,9 @@ def scene_for(reader: ViewReader, camera, last=None):
         assert not reader.state.ended, reader.state.problem
         last = reader.take() or last
         time.sleep(0.01)
-    return reader.take() or last
+    found = reader.take() or last
+    assert found is not None
+    return found
 
 
 def difference(context, one, other, camera) -> float:
