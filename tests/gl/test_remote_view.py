@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from pointglass import look_at
 from pointglass.viewer.grid.open_scene import grids_of, open_scene
@@ -123,7 +123,7 @@ def test_of_several_octrees_beside_a_file_only_what_is_in_view_is_read_in_one_pi
         assert difference(context, scene, whole, HERE) < 1
         values = FileRecords(scene).of(np.arange(0, scene.count, 997))
         assert values.exact and set(values.source.tolist()) == {0, 1, 2}
-        assert cKDTree(xyz).query(values.xyz)[0].max() < 0.001, "coordinates are those of the files"
+        assert KDTree(xyz).query(values.xyz)[0].max() < 0.001, "coordinates are those of the files"
         scene = scene_for(reader, THERE, scene)
         assert difference(context, scene, whole, THERE) < 1
         reader.close()
