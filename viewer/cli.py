@@ -51,7 +51,7 @@ def _view(options: argparse.Namespace) -> int:
     from .window.shell.run_window import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
-               memory=memory_of(options), columns=options.columns)
+               memory=memory_of(options), columns=options.columns, started=_end_of_start)
 
 
 def _preload() -> None:
@@ -240,7 +240,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run_logged(options: argparse.Namespace) -> int:
     """Runs a command; the log gets the traceback of what fails, the person one line."""
     try:
-        if options.command != "render":  # which does without garbage collection until its first picture
+        if options.command not in ("render", "view"):  # which do without garbage collection until their first picture
             _end_of_start()
         sweep_recorded()
         with own_cache(options), replaced_told(_files_of(options)):

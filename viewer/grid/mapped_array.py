@@ -22,24 +22,24 @@ _PLAIN_NPY = re.compile(rb"\x93NUMPY\x01\x00\x76\x00\{'descr': '(?P<type>[<|][ui
 to 0.28 ms (busy machine), for each of the ten arrays of hundreds of grids; other headers are left to that reader."""
 
 
-def loaded(path: Path) -> np.ndarray:
+def loaded(path: Path | str) -> np.ndarray:
     """As :func:`mapped`, read into memory: for small arrays, in a third of the time that a map takes."""
-    if not path.is_file():  # opening a pipe would block
-        raise DamagedGrid(f"{path.name} is no file")
+    if not os.path.isfile(path):  # opening a pipe would block
+        raise DamagedGrid(f"{os.path.basename(path)} is no file")
     try:
-        with open(os.fspath(path), "rb") as file:
+        with open(path, "rb") as file:
             if found := _PLAIN_NPY.match(data := bytearray(file.read())):
                 shape, dtype = _described(found)
                 if len(found[0]) + math.prod(shape) * dtype.itemsize <= len(data):
                     return np.frombuffer(data, dtype, math.prod(shape), len(found[0])).reshape(shape)
     except _NPY_ERRORS as error:
-        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
+        raise DamagedGrid(f"{os.path.basename(path)}: {first_line(error)}") from None
     return np.array(mapped(path))
 
 
 def _described(found: re.Match) -> tuple[tuple[int, ...], np.dtype]:
     """Shape and type of a plain header."""
-    return tuple(int(side) for side in found["shape"].split(b",") if side.strip()), np.dtype(found["type"].decode())
+    return tuple([int(side) for side in found["shape"].split(b",") if side.strip()]), np.dtype(found["type"].decode())
 
 
 class LateColumn:
@@ -48,7 +48,7 @@ class LateColumn:
 
     Raises DamagedGrid naming the file where there is no such column."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path | str):
         self.path = path
         self.shape, self.dtype = _shape_of(path)
         self.ndim = len(self.shape)
@@ -63,9 +63,9 @@ class LateColumn:
         return np.array(mapped(self.path), dtype)
 
 
-def _shape_of(path: Path) -> tuple[tuple[int, ...], np.dtype]:
-    if path.is_file():  # opening a pipe would block
-        with contextlib.suppress(*_NPY_ERRORS), open(os.fspath(path), "rb", buffering=0) as file:
+def _shape_of(path: Path | str) -> tuple[tuple[int, ...], np.dtype]:
+    if os.path.isfile(path):  # opening a pipe would block
+        with contextlib.suppress(*_NPY_ERRORS), open(path, "rb", buffering=0) as file:
             if found := _PLAIN_NPY.match(file.read(128)):
                 shape, dtype = _described(found)
                 if len(found[0]) + math.prod(shape) * dtype.itemsize <= os.fstat(file.fileno()).st_size:
@@ -101,10 +101,10 @@ def start_of(path: Path) -> int:
     return int(getattr(mapped(path), "offset", 0))
 
 
-def mapped(path: Path) -> np.ndarray:
+def mapped(path: Path | str) -> np.ndarray:
     """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where there is none."""
-    if not path.is_file():  # opening a pipe would block
-        raise DamagedGrid(f"{path.name} is no file")
+    if not os.path.isfile(path):  # opening a pipe would block
+        raise DamagedGrid(f"{os.path.basename(path)} is no file")
     try:
         with open(os.fspath(path), "rb") as file:  # the map then has the name as text
             if found := _PLAIN_NPY.match(file.read(128)):
@@ -114,7 +114,7 @@ def mapped(path: Path) -> np.ndarray:
         with warnings.catch_warnings(action="error"):  # NumPy warns of headers that Python 2 wrote, and of huge shapes
             array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load, it does not accept zip files and pickles
     except _NPY_ERRORS as error:
-        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
+        raise DamagedGrid(f"{os.path.basename(path)}: {first_line(error)}") from None
     if not array.flags.c_contiguous:
-        raise DamagedGrid(f"{path.name}: its rows lie in another order")
+        raise DamagedGrid(f"{os.path.basename(path)}: its rows lie in another order")
     return array

@@ -69,11 +69,22 @@ def _is_written(field: dataclasses.Field, value) -> bool:
     return "not_stored" not in field.metadata
 
 
+_PLAIN = (str, int, bool)
+"""Types that need no conversion: most values of a grid's header, of which a place has a thousand."""
+
+
+@functools.cache
+def _parts_of(kind) -> tuple[typing.Any, tuple[typing.Any, ...]]:
+    return typing.get_origin(kind), typing.get_args(kind)
+
+
 def from_json(kind, data, where: str, *, strict: bool = True) -> typing.Any:
     """A value of a type hint from JSON.  strict: refuse keys that are no field; otherwise they are ignored.
 
     Raises InputError naming ``where`` in the file and what was expected."""
-    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if type(data) is kind and kind in _PLAIN:
+        return data
+    origin, parts = _parts_of(kind)
     if origin is typing.Annotated:
         value = from_json(parts[0], data, where, strict=strict)
         for limit in parts[1:]:

@@ -7,6 +7,7 @@ import pytest
 
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.picture.camera import Camera, look_at
+from pointglass.viewer.render.culling import direction_kernels
 from pointglass.viewer.render.culling import enclosed_directions as module
 from pointglass.viewer.render.culling.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Enclosure, cell_of, closed_in_view
 
@@ -36,7 +37,7 @@ def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[
         cells = list(hole)
         closed[cells] = surrounded[cells].mean() >= 0.5 or (enclosed and below[cells].all())
         through += 0 if below[cells].all() else below[cells].sum()
-        if below[cells].mean() <= module.SKY_BELOW or len(cells) >= module.ALL_SKY * len(below):
+        if below[cells].mean() <= direction_kernels.SKY_BELOW or len(cells) >= direction_kernels.ALL_SKY * len(below):
             sky = max(sky, sum(not scanned[list(beside[cell])].any() for cell in cells))
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
@@ -121,8 +122,8 @@ def test_what_is_near_is_looked_at_point_by_point_in_a_large_scan(seed, monkeypa
     for eye in (*eyes, *rng.normal(0, 30, (20, 3))):
         distance = np.linalg.norm(large._blocks - eye, axis=1)
         fills = (large._side / (distance * 2 / SIDE)) ** 2
-        wanted = (module._SAMPLES_A_CELL * fills).astype(int)
-        thin = np.flatnonzero((fills >= 1) & (module._SAMPLES_A_CELL * fills > large._marked))
+        wanted = (direction_kernels.SAMPLES_A_CELL * fills).astype(int)
+        thin = np.flatnonzero((fills >= 1) & (direction_kernels.SAMPLES_A_CELL * fills > large._marked))
         near = [large._near[large._first[b] : large._first[b + 1]][: wanted[b]] for b in thin]
         assert np.array_equal(large.closed(eye), closed_plainly(np.concatenate([large._points, *near]), eye))
         found += len(near)

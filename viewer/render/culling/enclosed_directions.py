@@ -19,8 +19,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....model.common.jit import compiled
 from ...grid.scene import packed, positions
+from .direction_kernels import (
+    close_directions,
+    first_of_blocks,
+    gather_by_block,
+    mark_directions,
+    mark_near,
+    settle_holes,
+)
 from .occupancy import Occupancy, occupancy_of
 
 if TYPE_CHECKING:
@@ -51,10 +58,6 @@ above it.  Close to a statue the hole between its bushes does; closed, it would 
 SKY = 0.015
 """Least share of all directions, without its border cells, that the largest hole has under a sky.  With its border, the sky
 over three streets had 0.14 to 0.33, the largest hole of rooms less than 0.03."""
-SKY_BELOW, ALL_SKY = 0.15, 0.4
-"""Share of a sky that may lie below the horizon; and share of all directions above which a hole is sky wherever it lies.
-In three streets at most 0.1 of the sky lies below; at their ends, where it continues below the border of the scan, it has 0.46
-to 0.61 of all directions.  Holes behind a courtyard's pillars have up to 0.2 of them, of which 0.2 to 0.4 below."""
 GROUND_DIP = 15.0
 """Degrees below the horizon beyond which, outdoors, cells are closed where there is ground all around; nearer to the horizon
 they extend beyond the scan.  With 10 or 22.5 degrees, no direction changes at 128 viewpoints in eight scans."""
@@ -64,9 +67,6 @@ _SAMPLES = 24576
 """Blocks, and points, of the scene's sample at most: 16 for each of the 6 * SIDE**2 cells of the cube."""
 _NEAR_SAMPLES, _NEAR_A_CELL = 1 << 17, 4
 """Points of the sample for surfaces near the camera, at least; and at least so many for each cell of the scene."""
-_SAMPLES_A_CELL = 8
-"""Points in a cell of the cube after which no more are looked at: if the scan covers half of the cell, so many random points
-all miss it with a probability of 0.4 %."""
 
 
 def cell_of(directions: np.ndarray) -> np.ndarray:
@@ -108,114 +108,6 @@ def _walks() -> np.ndarray:
     return np.stack(met, axis=1)
 
 
-@compiled(inline="always")
-def _mark(x, y, z, side, scanned):
-    """Marks the cell of one direction; (0, 0, 0) has none."""
-    if abs(x) >= abs(y) and abs(x) >= abs(z):
-        axis, along, u, v = 0, x, y, z
-    elif abs(y) >= abs(z):
-        axis, along, u, v = 1, y, z, x
-    else:
-        axis, along, u, v = 2, z, x, y
-    if along != 0.0:
-        size = abs(along)
-        column = min(max(int((u / size * 0.5 + 0.5) * side), 0), side - 1)
-        row = min(max(int((v / size * 0.5 + 0.5) * side), 0), side - 1)
-        scanned[((2 * axis + (1 if along < 0.0 else 0)) * side + row) * side + column] = True
-
-
-@compiled(nogil=True)
-def mark_directions(points, position, side, scanned):
-    """Which cells hold a point as seen from ``position``.  points: (N, 3) float64.  Sets cells of scanned (cells,) bool."""
-    for i in range(points.shape[0]):
-        _mark(points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2], side, scanned)
-
-
-@compiled(nogil=True)
-def mark_near(blocks, marked, first, points, block_side, position, side, scanned):
-    """The same for near blocks, in which the ``marked`` points per block that are marked already are fewer than _SAMPLES_A_CELL
-    in a cell of the cube.
-
-    blocks: (B, 3) float64 their middles.  first: (B + 1,) int64, where each one's points begin in points (N, 3) float64; in
-    each block in random order.
-    """
-    cell = 2.0 / side  # side of a cell of the cube at distance 1
-    for block in range(blocks.shape[0]):
-        x, y, z = blocks[block, 0] - position[0], blocks[block, 1] - position[1], blocks[block, 2] - position[2]
-        cells = block_side * block_side / (cell * cell * max(x * x + y * y + z * z, 1e-30 * block_side * block_side))
-        if cells < 1.0 or marked >= _SAMPLES_A_CELL * cells:
-            continue
-        begin, end = first[block], first[block + 1]
-        if _SAMPLES_A_CELL * cells < end - begin:
-            end = begin + int(_SAMPLES_A_CELL * cells)
-        mark_directions(points[begin:end], position, side, scanned)
-
-
-@compiled(nogil=True)
-def close_directions(scanned, walks, needed, closed):
-    """Which cells are enclosed by cells that hold a point.  walks: as in _walks.  Writes closed (cells,) int8."""
-    for cell in range(walks.shape[0]):
-        hits = 0
-        for walk in range(walks.shape[1]):
-            for step in range(walks.shape[2]):
-                if scanned[walks[cell, walk, step]]:
-                    hits += 1
-                    break
-        closed[cell] = hits >= needed
-
-
-@compiled(nogil=True)
-def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
-    """One answer for each hole: cells without a point that touch, and the scanned cells around them.
-
-    scanned (cells,) bool and closed (cells,) int8: from close_directions; closed is changed.  walks: as in _walks; the first
-    cell of each is taken for a neighbour.  below: (cells,) bool.  enclosing: ENCLOSES.  hole, queue: scratch, (cells,) int32.
-    Returns how many cells below belong to holes that go on above, and how many cells of the largest sky
-    have no scanned one beside them.
-    """
-    cells, through, sky = len(scanned), 0, 0
-    hole[:] = -1
-    enclosed = enclosing * (cells - scanned.sum()) <= cells
-    for first in range(cells):
-        if scanned[first] or hole[first] >= 0:
-            continue
-        queue[0], size, at, enclosed_cells, under, deep = first, 1, 0, 0, 0, 0
-        hole[first] = first
-        while at < size:
-            cell = queue[at]
-            at += 1
-            enclosed_cells += closed[cell]
-            under += below[cell]
-            free = True
-            for walk in range(walks.shape[1]):
-                beside = walks[cell, walk, 0]
-                free = free and not scanned[beside]
-                if not scanned[beside] and hole[beside] < 0:
-                    hole[beside] = first
-                    queue[size] = beside
-                    size += 1
-            deep += free
-        lies_below = under == size
-        if under <= SKY_BELOW * size or size >= ALL_SKY * cells:
-            sky = max(sky, deep)  # a ceiling so near that cells fall between its points is no sky
-        answer = 2 * enclosed_cells >= size or (enclosed and lies_below)
-        for i in range(size):
-            closed[queue[i]] = answer
-        through += 0 if lies_below else under
-    for cell in range(cells):
-        if not scanned[cell]:
-            continue
-        holes, of_them_open = 0, 0
-        for walk in range(walks.shape[1]):
-            beside = walks[cell, walk, 0]
-            if not scanned[beside]:
-                holes += 1
-                of_them_open += closed[beside] == 0
-        if holes > 0 and of_them_open == 0:
-            closed[cell] = 1
-    return through, sky
-
-
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
     """The state of all directions of a picture; None where they differ.
 
@@ -241,22 +133,24 @@ class Enclosure:
     """A sample of a scene's points, and the directions that they close around any position."""
 
     def __init__(self, scene: "Scene"):
-        coords = np.asarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
-        shift, starts = 0, np.arange(len(coords))
-        while len(starts) > _SAMPLES:
+        coords = np.ascontiguousarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
+        starts = np.empty(len(coords), np.int64)
+        shift, blocks = 0, first_of_blocks(coords, 0, starts)
+        while blocks > _SAMPLES:
             shift += 1
-            coarse = coords >> shift
-            starts = np.flatnonzero(np.r_[True, (coarse[1:] != coarse[:-1]).any(axis=1)])
+            blocks = first_of_blocks(coords, shift, starts)
+        starts = starts[:blocks]
         self._side = scene.cell_size * 2.0**shift
         self._blocks = scene.origin + ((coords[starts] >> shift).astype(np.float64) + 0.5) * self._side
         points, _ = _sample(scene, starts, _SAMPLES)
         self._points = np.concatenate([self._blocks, points])
         self._marked = len(points) / len(starts) if len(points) < scene.count else np.inf
-        points, blocks = _sample(scene, starts, max(_NEAR_SAMPLES, _NEAR_A_CELL * len(coords)))
+        points, of_points = _sample(scene, starts, max(_NEAR_SAMPLES, _NEAR_A_CELL * len(coords)))
         mixed = np.random.default_rng(0).permutation(len(points))
-        self._near = points[mixed[np.argsort(blocks[mixed], kind="stable")]]
         self._first = np.zeros(len(starts) + 1, np.int64)
-        np.cumsum(np.bincount(blocks, minlength=len(starts)), out=self._first[1:])
+        np.cumsum(np.bincount(of_points, minlength=len(starts)), out=self._first[1:])
+        self._near = np.empty_like(points)
+        gather_by_block(points, of_points, mixed, self._first[:-1].copy(), self._near)
         self._below = _centres()[:, 2] < 0
         self._low = _centres()[:, 2] < -np.sin(np.radians(GROUND_DIP))
         self._scanned = np.empty(len(self._below), bool)
