@@ -9,6 +9,7 @@ import ctypes
 import enum
 import sys
 import types
+import weakref
 from contextlib import contextmanager
 from time import perf_counter
 
@@ -91,6 +92,8 @@ def core_module(driver: Driver) -> types.ModuleType:
             raise CUDAError(f"{status.name}: made up\nand advice nobody asked for")
 
     class Buffer:
+        """Its lifetime is that of the mapping, as the documentation says."""
+
         def __init__(self, pointer: int, size: int):
             self.handle, self.size = pointer, size
 
@@ -105,10 +108,13 @@ def core_module(driver: Driver) -> types.ModuleType:
         def map(self, *, stream):
             assert stream.handle == STREAM
             check("map")
-            return Buffer(*driver.map(self._name))
+            made = Buffer(*driver.map(self._name))
+            self._end = weakref.finalize(made, lambda: self._name in driver.mapped and driver.unmap(self._name))
+            return made
 
         def unmap(self, *, stream=None):
             check("unmap")
+            self._end.detach()
             driver.unmap(self._name)
 
         def close(self, stream=None):

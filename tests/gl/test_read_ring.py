@@ -5,6 +5,7 @@ import pytest
 
 from pointglass.viewer.common.errors import DeviceError
 from pointglass.viewer.render.device import read_ring
+from pointglass.viewer.render.device.device_failure import DeviceMemoryError
 from pointglass.viewer.render.device.read_ring import PlainRing, ReadRing
 
 pytestmark = pytest.mark.gl
@@ -33,6 +34,24 @@ def test_each_copy_holds_what_the_buffers_held_when_it_was_made(context, kind, s
         assert held is not None and np.array_equal(held, expected[number])
     for owned in (ring, first, second):
         owned.release()
+
+
+def test_a_buffer_that_was_refused_is_asked_for_again(context, monkeypatch):
+    """The renderer frees memory and draws again with the same ring: it must not read where nothing is mapped."""
+    if not ReadRing.available(context):
+        pytest.skip("this driver cannot keep buffers mapped")
+    ring, buffer = ReadRing(context, SLOTS), context.buffer(np.arange(16, dtype=np.uint32))
+    monkeypatch.setattr(ring._slots[1]._gl, "map", lambda *_: None)
+    for _ in range(2):
+        with pytest.raises(DeviceMemoryError, match="no memory left"):
+            ring.push(1, [(buffer, 0, 64)])
+        assert ring.read(1) is None
+    monkeypatch.undo()
+    ring.push(1, [(buffer, 0, 64)])
+    held = ring.read(1)
+    assert held is not None and np.array_equal(held, np.arange(16))
+    ring.release()
+    buffer.release()
 
 
 def test_a_fence_that_is_never_reached_ends_with_a_message(context, monkeypatch):

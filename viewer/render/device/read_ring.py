@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.errors import DeviceError, DeviceLostError
+from ...common.errors import DeviceLostError
+from .device_failure import DeviceMemoryError
 from .gl_functions import gl_function
 
 if TYPE_CHECKING:
@@ -56,14 +57,17 @@ class _Slot:
         if size <= self._size:
             return
         self.release()
-        self._size = max(_LEAST, 1 << (size - 1).bit_length())
+        wanted = max(_LEAST, 1 << (size - 1).bit_length())
         self._gl.generate(1, ctypes.byref(self._name))
         self._gl.bind(_WRITE, self._name)
-        self._gl.storage(_WRITE, self._size, None, _MAP)
-        self._address = self._gl.map(_WRITE, 0, self._size, _MAP)
+        self._gl.storage(_WRITE, wanted, None, _MAP)
+        address = self._gl.map(_WRITE, 0, wanted, _MAP)
         self._gl.bind(_WRITE, 0)
-        if not self._address:
-            raise DeviceError("the GPU has no memory left for a buffer that the host reads", remedy="close other programs")
+        if not address:
+            self._gl.delete(1, ctypes.byref(self._name))
+            raise DeviceMemoryError("the GPU has no memory left for a buffer that the host reads",
+                                    remedy="close other programs")
+        self._address, self._size = address, wanted
 
     def push(self, number: int, parts: "list[tuple[moderngl.Buffer, int, int]]") -> None:
         self._reserve(sum(size for _, _, size in parts))

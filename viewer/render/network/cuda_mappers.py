@@ -1,6 +1,6 @@
 """The two libraries that can map an OpenGL buffer into CUDA: cuda.core, and the CUDA runtime through cuda.bindings."""
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..device.device_failure import CudaCallError
 
@@ -34,13 +34,15 @@ class CoreMapper:
         device.set_current()  # the primary context, which is torch's
         self._stream = device.create_stream(_ForeignStream(stream))
         self._resource = GraphicsResource.from_gl_buffer(buffer)
+        self._mapped: Any = None
 
     def map(self) -> tuple[int, int]:
-        mapped = self._resource.map(stream=self._stream)
+        mapped = self._mapped = self._resource.map(stream=self._stream)  # kept: it is unmapped when the last reference goes
         return int(mapped.handle), int(mapped.size)
 
     def unmap(self) -> None:
-        self._resource.unmap()
+        self._resource.unmap()  # on the stream that it was mapped on
+        self._mapped = None
 
     def close(self) -> None:
         self._resource.close()
