@@ -131,6 +131,25 @@ def test_a_network_that_is_kept_brings_the_picture_of_its_own_camera_beside_late
         renderer.release()
 
 
+def test_a_network_adds_its_picture_to_the_frame_it_was_made_of_alone(context, seed):
+    """Not to an earlier one that still waits."""
+    renderer, ended = Renderer(context, room(seed), device="cpu"), threading.Event()
+    renderer._runs._wake = ended.set
+    cameras = [from_fov(96, 64, 70.0, look_at((3.0, 2.5, 1.5), aim)) for aim in ((6.0, 3.0, 1.0), (0.0, 2.0, 1.0))]
+    settings = Settings(view="neural", quality="fast")
+    try:
+        exact = renderer.render(cameras[1], settings).image("neural")
+        first, second = (renderer.render(camera, settings, streaming=True, defer_network=True) for camera in cameras)
+        while renderer.network_busy:
+            assert ended.wait(60)
+            ended.clear()
+        assert not renderer.finish_network(first) and first.facts.network_pending
+        assert renderer.finish_network(second) and not second.facts.network_pending
+        assert np.array_equal(second.image("neural"), exact)
+    finally:
+        renderer.release()
+
+
 @pytest.mark.parametrize("network", [False, True])
 def test_the_depth_of_the_filled_picture_is_that_which_the_network_is_given(context, seed, network):
     scene = room(seed)

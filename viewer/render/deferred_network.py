@@ -23,6 +23,7 @@ class NetworkRuns:
     def __init__(self, stages: "Stages", wake: Callable[[], None]):
         self._stages, self._wake = stages, wake
         self._earlier: tuple[NeuralStage, int] | None = None  # whose network goes on, and the number of its frame
+        self._awaited: Frame | None = None  # the last frame, if it waits for its network
 
     def run(self, network: "NeuralStage", frame: Frame, serial: int, *, deferred: bool, streaming: bool, keep: bool,
             missing: int) -> FrameFacts:
@@ -30,11 +31,12 @@ class NetworkRuns:
 
         deferred, keep: ``defer_network`` and ``keep_network`` of Renderer.render.  missing: points that are not there yet.
         """
-        pending, facts, self._earlier = None, frame.facts, None
+        pending, facts, self._earlier, self._awaited = None, frame.facts, None, None
         if deferred and network.deferrable:
             pending = self._start(network, frame, serial, keep=keep, missing=missing)
             if keep and pending:
                 self._earlier = network, serial
+            self._awaited = frame if pending else None
         else:
             network.drop()
             if not (deferred or streaming):
@@ -63,11 +65,10 @@ class NetworkRuns:
         return not missing
 
     def finish(self, network: "NeuralStage | None", fill: "Fill | None", frame: Frame, serial: int) -> bool:
-        """Adds the neural view to ``frame``, the one numbered ``serial``, if its network has ended; returns whether it did.
-
-        Raises DeviceError where the network failed.
+        """Adds the neural view to ``frame`` if it is the last one, of number ``serial``, and its network has ended; returns
+        whether it did.  Raises DeviceError where the network failed.
         """
-        if network is None or fill is None or not frame.facts.network_pending:
+        if network is None or fill is None or frame is not self._awaited or not frame.facts.network_pending:
             return False
         milliseconds = network.finish(serial, fill.filled)
         if milliseconds is None:
