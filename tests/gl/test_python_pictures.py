@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 import pointglass
 from pointglass.viewer.cli import main
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.interface import publish_folder
 from pointglass.viewer.interface.pictures import as_picture
 from pointglass.viewer.picture.background import as_saved
 from pointglass.viewer.picture.provenance import provenance
@@ -244,6 +245,15 @@ def test_the_example_in_the_documentation_runs():
     runner = doctest.DocTestRunner(verbose=False)
     runner.run(example, out=said.append)
     assert runner.tries >= 10 and not runner.failures, "".join(said)
+
+
+def test_a_publication_is_called_as_its_scan_is(monkeypatch, tmp_path):
+    titles = []
+    monkeypatch.setattr(publish_folder, "publish_folder", lambda *given: titles.append(given[6]))
+    for name in ("points", "house.e57", "heap"):
+        with pointglass.from_points(np.eye(3), np.eye(3), name=name) as scan:
+            scan.publish(tmp_path / "site")
+    assert titles == ["points", "house", "heap"]
 
 
 def test_a_scan_publishes_itself_as_the_command_does(tmp_path, seed):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,13 +57,21 @@ def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:
     return tuple(box_around(boxes[n, 0], boxes[n, 1], "clip") for n in range(len(boxes)))
 
 
+def _whole(numbers: Iterable[int]) -> list[int]:
+    """Raises TypeError where one is no whole number: 0.7 is not station 0, and a mask is no list of stations."""
+    found = list(numbers)
+    if any(isinstance(number, bool) for number in found):
+        raise TypeError("a boolean")
+    return [index(number) for number in found]
+
+
 def _codes(classes: Iterable[int] | None) -> frozenset[int] | None:
     """The classes that are written."""
     if classes is None:
         return None
     try:
-        found = frozenset(int(code) for code in np.asarray(list(classes), np.int64))
-    except (TypeError, ValueError):
+        found = frozenset(_whole(classes))
+    except TypeError:
         found = frozenset()
     if not found or not all(0 <= code <= LAST_CLASS for code in found):
         raise InputError(f"expected codes from 0 to {LAST_CLASS}, such as [2, 6]", option="classes", value=classes)
@@ -75,8 +84,8 @@ def _hidden(scene: Scene, stations: Iterable[int] | None) -> frozenset[int]:
         return frozenset()
     count = len(scene.meta.scans)
     try:
-        wanted = [int(number) for number in np.asarray(list(stations), np.int64)]
-    except (TypeError, ValueError):
+        wanted = _whole(stations)
+    except TypeError:
         raise InputError("expected rows of Scan.stations, such as [0, 2]", option="stations", value=stations) from None
     for number in wanted:
         if not 0 <= number < count:

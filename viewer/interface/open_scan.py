@@ -212,7 +212,7 @@ class Scan(BesideMeshes, ScanOutputs):
         with python_names(), self._turn():
             context, renderer = self._drawing or self._begin(scene)
             with context:
-                named = title or self._name.rpartition(".")[0]
+                named = title or self._name.rpartition(".")[0] or self._name  # a name without an ending is one, too
                 return publish_folder(scene, renderer, path_of(folder), at if places is None else places, view, size, named,
                                       prepare_network)
 

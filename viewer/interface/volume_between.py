@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,8 +59,10 @@ def volume_between(
             polygon = np.asarray(corners, np.float64)
         except (TypeError, ValueError):
             polygon = np.empty(0)
-        if polygon.shape[1:] != (3,) or len(polygon) < 3 or not np.isfinite(polygon).all() or not axis.any():
-            raise InputError("expected at least three corners (K, 3) of finite numbers, and an up axis that is not zero")
+        if polygon.shape[1:] != (3,) or len(polygon) < 3 or not np.isfinite(polygon).all():
+            raise InputError("expected (K, 3) finite numbers, at least three corners", option="corners", value=corners)
+        if not axis.any():
+            raise InputError("expected a direction that is not zero", option="up", value=up)
         (one, _, _, meta), (other, _, _, other_meta) = cloud_of("before", before), cloud_of("after", after)
         check_together(Path("before"), meta, Path("after"), other_meta)
         clouds = [cloud[np.isfinite(cloud).all(axis=1)] for cloud in (one, other)]
@@ -69,6 +72,4 @@ def volume_between(
         spacing = max(scale_of(cloud - cloud.min(axis=0)).spacing for cloud in clouds)
         found = measured(in_cloud(clouds[0], place, MOST), in_cloud(clouds[1], place, MOST), polygon - place, spacing,
                          axis / np.linalg.norm(axis), registration)
-    from dataclasses import replace
-
     return replace(found, place=tuple((place + found.place).tolist()), dates=("before", "after"))

@@ -100,6 +100,9 @@ def test_a_volume_between_arrays_and_scans_is_the_true_one_and_bad_corners_are_r
     for bad in ([(0, 0)], corners[[0, 2, 1, 3]], corners + 50):
         with pytest.raises(pointglass.InputError):
             pointglass.volume_between(before, after, bad)
+    for given, said in (({"corners": [(0, 0)]}, r"^corners \[\(0, 0\)\]: expected"), ({"up": (0, 0, 0)}, r"^up \(0, 0, 0\): ")):
+        with pytest.raises(pointglass.InputError, match=said):
+            pointglass.volume_between(before, after, **{"corners": corners, **given})
 
 
 def test_the_volume_in_a_box_is_the_true_one_and_no_box_is_refused(seed):

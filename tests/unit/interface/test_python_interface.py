@@ -198,7 +198,9 @@ def test_an_export_holds_the_points_of_boxes_and_stations(seed, tmp_path, ending
     ({"clip": [1, 2]}, r"^clip \[1, 2\]: expected"), ({"clip": "all"}, "^clip 'all'"), ({"clip": np.zeros((0, 2, 3))}, "^clip"),
     ({"clip": [[1, 1, 1], [0, 2, 2]]}, "^clip .*each maximum"), ({"clip": [[9, 9, 9], [10, 10, 10]]}, "leave no point"),
     ({"stations": [3]}, "^stations: row 3; the scan has 3 stations"), ({"stations": []}, "^stations: names no station"),
-    ({"stations": ["a"]}, r"^stations \['a'\]"), ({"exposures": "none"}, "^exposures 'none'"),
+    ({"stations": ["a"]}, r"^stations \['a'\]"), ({"stations": [0.7]}, r"^stations \[0\.7\]"),
+    ({"stations": [True, False, True]}, "^stations "), ({"classes": [2.5]}, "^classes "),
+    ({"exposures": "none"}, "^exposures 'none'"),
 ])  # fmt: skip
 def test_an_export_that_cannot_be_is_refused_and_leaves_nothing(given, said, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -87,7 +87,7 @@ def sources_of(scene: "Scene", columns: str | None = None) -> list[Source]:
 
     paths = [Path(path) for path in scene.meta.sources]
     origin = scene.meta.records or RecordOrigin()
-    live = list(scene.live) if len(scene.live) == len(paths) else []
+    live = list(scene.live) if not paths or len(scene.live) == len(paths) else []  # points in memory have no file
     return live or open_sources(paths, columns or origin.columns, moves_at(paths, origin.moves))
 
 
