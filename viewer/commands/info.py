@@ -73,12 +73,11 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "warnings": meta.warning_texts,
     }
     if full:
-        ends = scene.offsets[:: len(scene.cell_coords)]
         out["grid"] = {
             "cell_size": scene.cell_size,
             "step": scene.step,
             "cells": len(scene.cell_coords),
-            "layers": (ends[1:] - ends[:-1]).tolist(),
+            "layers": np.diff(scene.layer_ends, prepend=0).tolist(),
             "bytes": scene.count * 12,
         }
     if meta.assigned:

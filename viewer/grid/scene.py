@@ -133,6 +133,22 @@ class Scene:
         """(C, 3) float64 file coordinates of each cell's lower corner."""
         return self.origin + self.cell_coords * self.cell_size
 
+    @property
+    def layer_ends(self) -> np.ndarray:
+        """(L,) int64: for each k the number of points of the layers 0 to k, which are the first ones; (0,) without a cell."""
+        cells = max(len(self.cell_coords), 1)
+        return np.asarray(self.offsets)[cells::cells]
+
+    def coarse_points(self, wanted: float) -> int:
+        """How many of the first points make up the fewest coarse layers that hold ``wanted`` points, or all: an even sample."""
+        ends = self.layer_ends
+        return int(ends[min(int(np.searchsorted(ends, wanted)), len(ends) - 1)]) if len(ends) else 0
+
+    def coarse_points_within(self, most: float) -> int:
+        """The same of as many layers as hold ``most`` points at most, and of the coarsest layer in any case."""
+        ends = self.layer_ends
+        return int(ends[max(int(np.searchsorted(ends, most, side="right")) - 1, 0)]) if len(ends) else 0
+
     def cell_of_points(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """(stop - start,) int32: the cell of each point from ``start`` to ``stop``, by default of all points."""
         edges = np.clip(self.offsets, start, self.count if stop is None else stop)

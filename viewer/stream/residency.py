@@ -138,21 +138,13 @@ class Residency:
 def overview_chunks(scene: "Scene", slots: int, chunk_points: int = CHUNK) -> int:
     """How many of the first chunks are pinned: those of the coarse layers that hold OVERVIEW points together, or those that
     fit."""
-    ends = _layer_ends(scene)
-    points = int(ends[min(np.searchsorted(ends, OVERVIEW), len(ends) - 1)])
-    return min(-(-points // chunk_points), slots // PINNED_SHARE)
+    return min(-(-scene.coarse_points(OVERVIEW) // chunk_points), slots // PINNED_SHARE)
 
 
 def opening_chunks(scene: "Scene", chunk_points: int = CHUNK, points: int = OVERVIEW) -> int:
     """How many of the first chunks a first picture waits for, where all chunks will be loaded: those of the coarsest layer, and
     of the next ones while they hold at most ``points`` points together."""
-    ends = _layer_ends(scene)
-    return -(-int(ends[max(int(np.searchsorted(ends, points, side="right")) - 1, 0)]) // chunk_points)
-
-
-def _layer_ends(scene: "Scene") -> np.ndarray:
-    """(L,): number of points in the layers 0 to k."""
-    return np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
+    return -(-scene.coarse_points_within(points) // chunk_points)
 
 
 def byte_count(text: str, option: str) -> int:

@@ -140,9 +140,11 @@ def test_each_layer_holds_seven_eighths_of_itself_and_coarser_ones_and_each_poin
     number = np.arange(n)
     rgb = np.stack([number & 255, number >> 8 & 255, number >> 16], axis=1).astype(np.uint8)
     scene = scene_from_arrays(xyz, rgb)
-    cells = len(scene.cell_coords)
-    ends = scene.offsets[cells::cells]
-    assert scene.layers == 3 and ends[-1] == n
+    ends = scene.layer_ends
+    assert scene.layers == 3 and ends[-1] == n and np.array_equal(ends, scene.offsets[:: len(scene.cell_coords)][1:])
+    for most in (1, *ends, *ends + 1, *ends - 1):
+        assert scene.coarse_points(most) == min([end for end in ends if end >= most], default=n)
+        assert scene.coarse_points_within(most) == max([end for end in ends if end <= most], default=ends[0])
     for k, end in enumerate(ends):
         assert abs(end / n - 8.0 ** (k + 1 - scene.layers)) < 0.01 * 8.0 ** (k + 1 - scene.layers) + 0.002
     _, colours, _, _ = unpack(scene)

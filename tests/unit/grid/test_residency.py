@@ -1,7 +1,6 @@
 """Residency of chunks in a pool: against a plain least-recently-used reference, rounds, and the chunks that fit."""
 
 from collections import OrderedDict
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import strategies as st
 
 from pointglass.model.common.system import available_memory
 from pointglass.viewer.common.errors import InputError
-from pointglass.viewer.grid.scene import CHUNK
+from pointglass.viewer.grid.scene import CHUNK, Scene
 from pointglass.viewer.stream.residency import OVERVIEW, Residency, byte_count, opening_chunks, overview_chunks
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -160,15 +159,21 @@ def test_the_slots_allocated_are_exactly_those_needed(seed):
     assert residency.reach(needed[:0]) == (0 if residency.holds_all else np.count_nonzero(residency.chunk_of_slot >= 0))
 
 
+def layered(offsets: np.ndarray) -> Scene:
+    """Three layers of two cells."""
+    points = np.zeros((0, 3), np.uint32)
+    return Scene(points, np.zeros((2, 3), np.int32), offsets, np.zeros(3), 1.0, 3, int(offsets[-1]), 0.1, np.zeros((2, 3)))
+
+
 def test_pinned_chunks_hold_the_coarse_layers_but_never_the_whole_pool():
     parts = np.array([0, 60, 100, 200, 300, 500, 700])  # two cells, layers of 100, 200 and 400 parts
-    scene = SimpleNamespace(offsets=parts * (OVERVIEW // 300 + 1), cell_coords=np.zeros((2, 3)))
+    scene = layered(parts * (OVERVIEW // 300 + 1))
     assert overview_chunks(scene, 10**6) == -(-int(scene.offsets[4]) // CHUNK)
     assert overview_chunks(scene, 80) == 10 and overview_chunks(scene, 7) == 0
 
 
 def test_a_first_picture_waits_for_whole_layers_at_least_the_coarsest():
-    scene = SimpleNamespace(offsets=np.array([0, 60, 100, 200, 300, 500, 700]), cell_coords=np.zeros((2, 3)))
+    scene = layered(np.array([0, 60, 100, 200, 300, 500, 700]))
     waits = [opening_chunks(scene, 10, points) for points in (0, 99, 100, 299, 300, 699, 700, 10**9)]
     assert waits == [10, 10, 10, 10, 30, 30, 70, 70]
 

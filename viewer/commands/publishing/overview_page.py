@@ -124,9 +124,7 @@ def _sample(scene: "Scene", edits: Edits, axes: np.ndarray) -> tuple[np.ndarray,
     if records is None:
         raise InputError("was made by an earlier version, which did not keep the file of each point",
                          remedy="convert the scan again")
-    cells = len(scene.cell_coords)
-    ends = np.asarray(scene.offsets)[cells::cells]
-    head = int(ends[min(int(np.searchsorted(ends, _POINTS)), len(ends) - 1)])
+    head = scene.coarse_points(_POINTS)
     some = slice(0, head, -(-head // _POINTS))
     xyz, _, _, station = unpack(scene, some)
     source, _ = records.places(records.numbers(some))

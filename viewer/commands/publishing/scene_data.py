@@ -83,9 +83,7 @@ def plans_of(scene: "Scene", document: "Document", local: np.ndarray, floors: np
 
 def _points(scene: "Scene", document: "Document", origin: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """(N, 3) the points in sight of the coarse layers, which are spread as all are."""
-    cells = len(scene.cell_coords)
-    ends = np.asarray(scene.offsets)[cells::cells]
-    head = int(ends[min(int(np.searchsorted(ends, _PLAN_POINTS)), len(ends) - 1)])
+    head = scene.coarse_points(_PLAN_POINTS)
     some = slice(0, head, -(-head // _PLAN_POINTS))
     xyz, _, _, station = unpack(scene, some)
     return (xyz[Selection.in_sight(scene, document.edits).keeps(xyz, station, some)] - origin) @ axes

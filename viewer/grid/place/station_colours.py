@@ -113,8 +113,7 @@ def _exceeds_dark(rgb: np.ndarray) -> bool:
 
 def _sample(scene: Scene, wanted: float) -> slice:
     """About ``wanted`` points, spread evenly: whole coarse layers, or each so many of them."""
-    ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
-    head = int(ends[min(int(np.searchsorted(ends, wanted)), len(ends) - 1)])
+    head = scene.coarse_points(wanted)
     return slice(0, head, max(1, math.ceil(head / max(wanted, 1))))
 
 

@@ -200,8 +200,7 @@ class Enclosure:
 def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
     """(n, 3) float64 points spread over the scene, ``wanted`` to twice as many where it has them; (n,) int64 the block of
     each.  starts: (B,) the first cell of each block."""
-    ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
-    head = int(ends[min(np.searchsorted(ends, wanted), len(ends) - 1)])  # coarse layers: an even sample
+    head = scene.coarse_points(wanted)
     step = max(1, head // wanted)
     cells = scene.cell_of_points(0, head)[::step]
     some = slice(0, head, step)

@@ -92,8 +92,7 @@ def _dilated(held: np.ndarray, axis: int) -> np.ndarray:
 
 def _sample(scene: "Scene") -> np.ndarray:
     """(n, 3) float64: the coarse layers, a uniform random subsample, SAMPLE points or as many whole layers as it takes."""
-    ends = np.asarray(scene.offsets)[len(scene.cell_coords) :: len(scene.cell_coords)]
-    head = int(ends[min(int(np.searchsorted(ends, SAMPLE)), len(ends) - 1)]) if len(ends) else 0
+    head = scene.coarse_points(SAMPLE)
     some = slice(0, head, max(1, head // SAMPLE))
     return positions(scene, packed(scene, some), some)
 

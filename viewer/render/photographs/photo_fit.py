@@ -70,8 +70,7 @@ def point_sample(scene: "Scene") -> PointSample:
     """The coarse density layers of a scene, SAMPLE points at most where its first layer has no more."""
     from ...grid.scene import unpack
 
-    ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
-    stop = int(ends[max(0, int(np.searchsorted(ends, SAMPLE, side="right")) - 1)])
+    stop = scene.coarse_points_within(SAMPLE)
     origin = scene.bounds.mean(axis=0)
     points, colours = np.empty((stop, 3), np.float32), np.empty((stop, 3), np.uint8)
     for begin in range(0, stop, 1 << 20):

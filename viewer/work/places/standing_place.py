@@ -101,9 +101,7 @@ def sample_scene(scene: "Scene") -> SceneSample:
     """The coarse layers of a scene and what follows from them."""
     from ...grid.scene import unpack
 
-    ends = scene.offsets[len(scene.cell_coords) :: len(scene.cell_coords)]
-    whole_layers = int(ends[max(0, int(np.searchsorted(ends, _SAMPLE, side="right")) - 1)])
-    points, rgb, _, _ = unpack(scene, slice(0, whole_layers))
+    points, rgb, _, _ = unpack(scene, slice(0, scene.coarse_points_within(_SAMPLE)))
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     metres = scene.meta.metres_per_unit
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)

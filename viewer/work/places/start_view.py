@@ -131,9 +131,8 @@ def view_sample(scene: "Scene", seen: Sampled, upright: np.ndarray) -> PictureSa
     """
     from ...grid.scene import unpack
 
-    ends = np.asarray(scene.offsets)[len(scene.cell_coords) :: max(len(scene.cell_coords), 1)]
-    whole = int(ends[max(0, int(np.searchsorted(ends, _MOST, side="right")) - 1)]) if len(ends) else 0
-    following = int(ends[min(int(np.searchsorted(ends, whole, side="right")), len(ends) - 1)]) if len(ends) else 0
+    whole = scene.coarse_points_within(_MOST)
+    following = scene.coarse_points(whole + 1)
     parts = [unpack(scene, slice(0, whole))[:2]]
     if following > whole < _MOST:
         every = -(-(following - whole) // max(_MOST - whole, 1))

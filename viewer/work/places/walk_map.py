@@ -113,9 +113,7 @@ def build_walk_map(sight: Selection, upright: np.ndarray, metre: float) -> WalkM
     stopped.
     """
     scene = sight.scene
-    cells = len(scene.cell_coords)
-    ends = np.asarray(scene.offsets)[cells::cells] if cells else np.zeros(1, np.int64)
-    head = int(ends[min(int(np.searchsorted(ends, SAMPLE)), len(ends) - 1)])
+    head = scene.coarse_points(SAMPLE)
     every = max(1, -(-head // SAMPLE))
     number = -(-head // every)
     if number == 0:
