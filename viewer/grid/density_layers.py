@@ -8,8 +8,11 @@ runs, each of which is a GPU workgroup.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+
+from ..common.errors import InputError
 
 COARSEST = 1 << 15
 """Points of the coarsest layer, at least an eighth of this; chosen by hand."""
@@ -34,6 +37,15 @@ class Lattice:
 
     cell_size: float | None = None
     layers: int = MAX_LAYERS
+
+
+class TooWideForCells(InputError):
+    """A file has more occupied cells of the size of a place than a grid may have.  cell_size: the smallest that it can have."""
+
+    def __init__(self, file: Path, size: float, cell_size: float):
+        super().__init__(f"is too wide for cells of {size:g}, which the other files have", file=file,
+                         remedy="open it by itself")
+        self.cell_size = cell_size
 
 
 def _reversed(parts: int) -> np.ndarray:

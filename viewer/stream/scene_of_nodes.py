@@ -50,17 +50,34 @@ def scene_of_octrees(parts: Mapping[Source, Sequence[Chunk]], *, spacing: float 
     if len(parts) == 1 and beside is None:
         ((source, chunks),) = parts.items()
         return scene_of_nodes(source, chunks, spacing=spacing, match=match)
-    from ..grid.density_layers import Lattice
     from ..grid.place.measured_place import joined_in_memory, scene_of_grids
 
-    lattice = Lattice(beside.scenes[0].cell_size if beside is not None else None)
-    made: dict[Source, Scene] = {}
-    for source in sorted(parts, key=lambda one: -sum(len(part.xyz) for part in parts[one])):
-        made[source] = scene_of_nodes(source, parts[source], spacing=spacing, match=match, lattice=lattice)
-        lattice = Lattice(made[source].cell_size)
+    made, size = _with_common_cells(parts, spacing, match, beside.scenes[0].cell_size if beside is not None else None)
+    if beside is not None and size != beside.scenes[0].cell_size:
+        from ..grid.place.relaid_grid import with_cells
+
+        again = [with_cells(scene, folder, size) for scene, folder in zip(beside.scenes, beside.folders, strict=True)]
+        beside = replace(beside, scenes=[scene for scene, _ in again], folders=[folder for _, folder in again])
     scenes = [made[source] for source in parts]
     return joined_in_memory(scenes) if beside is None else scene_of_grids(beside.scenes, beside.folders, match=match,
                                                                            more=scenes)
+
+
+def _with_common_cells(parts: Mapping[Source, Sequence[Chunk]], spacing: float, match: bool, size: float | None
+                       ) -> "tuple[dict[Source, Scene], float]":
+    """A scene for each scan, and the size of the cells of all.  size: the size wanted; None: as the scan with most points asks
+    for.  It is larger where a scan is too wide for such cells."""
+    from ..grid.density_layers import Lattice, TooWideForCells
+
+    made: dict[Source, Scene] = {}
+    for source in sorted(parts, key=lambda one: -sum(len(part.xyz) for part in parts[one])):
+        try:
+            made[source] = scene_of_nodes(source, parts[source], spacing=spacing, match=match, lattice=Lattice(size))
+        except TooWideForCells as wide:
+            return _with_common_cells(parts, spacing, match, wide.cell_size)
+        size = made[source].cell_size
+    assert size is not None
+    return made, size
 
 
 def scene_of_nodes(of: Source, parts: Sequence[Chunk], *, spacing: float = 0.0, match: bool = True,

@@ -17,6 +17,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.common.workers.worker_choice import Workers
 from pointglass.viewer.grid.build_scene import build_scene, in_memory
+from pointglass.viewer.grid.building import histogram
 from pointglass.viewer.grid.cache import load, load_folder
 from pointglass.viewer.grid.density_layers import Lattice
 from pointglass.viewer.grid.gathered_rows import gathered
@@ -311,3 +312,18 @@ def test_folders_of_convert_and_files_are_opened_together(tmp_path, store, caplo
     damaged.write_bytes(damaged.read_bytes()[:-100])
     with pytest.raises(InputError, match="wide: damaged grid"):
         open_scene(given)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_wide_sparse_file_and_a_room_get_the_cells_that_the_wide_one_needs(tmp_path, monkeypatch, order):
+    """The room's grid is in the cache already; the most cells of a grid are fewer here, so that few points are too many."""
+    room = write_las(tmp_path / "room.laz", *surface(20_000, 1))
+    natural = open_scene([room]).cell_size
+    site = write_las(tmp_path / "site.laz", np.random.default_rng(2).uniform(0, 40 * natural, (4000, 3)),
+                     np.full((4000, 3), 90, np.uint8))  # fmt: skip
+    monkeypatch.setattr(histogram, "MAX_CELLS", 1024)
+    scene, errors = open_place.open_place([room, site][::order])
+    assert not errors and scene.count == 24_000
+    assert scene.cell_size > natural
+    again, errors = open_place.open_place([room, site][::order])
+    assert not errors and again.cell_size == scene.cell_size

@@ -25,7 +25,7 @@ from ...preprocess.scan_description import DroppedPoints, RecordOrigin, ScanDesc
 from ...preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
 from ...preprocess.scanner_positions import StationInference
 from ...readers.source import Source
-from ..density_layers import PARTS, Lattice
+from ..density_layers import PARTS, Lattice, TooWideForCells
 from ..projected_coverage import projected_coverage
 from ..records.point_records import PointRecords, allocated
 from ..scene import STEPS, Scene
@@ -191,13 +191,12 @@ def _place(kept: KeptChunks, colours: Colours | None, first: FirstPass, points: 
 
 
 def _on_lattice(kept: KeptChunks, counts: CellCounts, lattice: Lattice) -> tuple[CellCounts, Layout]:
-    """The cells of a place.  Raises InputError where the file is too wide for cells of that size."""
+    """The cells of a place.  Raises TooWideForCells where the file cannot have cells of that size."""
     size = lattice.cell_size
     if size is not None and counts.cell_size > size:
         finer = count_cells(kept, cell_size=size)
         if finer.cell_size > size or finer.count != counts.count:
-            raise InputError(f"is too wide for cells of {size:g}, which the other files have", file=kept.sources[0].path,
-                             remedy="open it by itself")
+            raise TooWideForCells(kept.sources[0].path, size, finer.cell_size)
         counts = finer
     return counts, choose_layout(counts, lattice=lattice)
 

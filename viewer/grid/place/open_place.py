@@ -14,6 +14,7 @@ from ...common.progress import named_progress, progress
 from ...common.workers.run_tasks import run_tasks
 from ...readers.moved_source import refuse_moved_grid
 from .. import cache as stored
+from ..density_layers import TooWideForCells
 from ..scene import Scene
 from .convert_files import PlaceOptions, convert_one, known_grids, largest, refuse_none
 from .measured_place import scene_of_grids
@@ -56,7 +57,13 @@ def place_grids(paths: Sequence[Path], *, match: bool = True, columns: str | Non
     given = {path: folder_scene(path, match, moves, late=True) for path in paths if path.is_dir()}
     files = [path for path in paths if path not in given]
     options = PlaceOptions(match, columns, tuple((moves or {}).items()))
-    folders, size, errors = _converted_files(files, options, _size_of_most(list(given.values())), workers)
+    size = _size_of_most(list(given.values()))
+    while True:
+        folders, size, errors = _converted_files(files, options, size, workers)
+        wide = [error.cell_size for error in errors.values() if isinstance(error, TooWideForCells)]
+        if size is None or not wide or max(wide) <= size:
+            break
+        size = max(wide)  # all get the cells that the widest file needs
     if files and not given:
         refuse_none(files, list(errors.values()))
     opened: list[tuple[Scene, Path]] = []
