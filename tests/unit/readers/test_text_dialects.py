@@ -151,6 +151,19 @@ def test_what_is_no_number_in_any_spelling_is_left_out(tmp_path, word):
     assert len(xyz) == 7 and not np.isfinite(xyz[5, 1:]).any() and np.isfinite(np.delete(xyz, 5, 0)).all()
 
 
+@pytest.mark.parametrize("valid", [0, 3])
+def test_coordinates_that_are_not_numbers_do_not_make_colours_of_a_row_its_coordinates(tmp_path, valid):
+    """Scanners write nan nan nan for directions without a return: one row in ``valid`` has a point, or none has."""
+    xyz, rgb = points()
+    returned = np.arange(COUNT) % 3 == 0 if valid else np.zeros(COUNT, bool)
+    rows = [" ".join(map(str, (*(p if seen else ["nan"] * 3), *c))) for p, c, seen in zip(xyz, rgb, returned, strict=True)]
+    (path := tmp_path / "a.xyz").write_text("\n".join(rows))
+    read_xyz, read_rgb, _ = read(path)
+    finite = np.isfinite(read_xyz).all(axis=1)
+    np.testing.assert_array_equal(read_xyz[finite], xyz[returned])
+    assert not valid or (read_rgb[finite] == rgb[returned]).all()
+
+
 @pytest.mark.parametrize(("text", "mark", "value"), [
     ("1.5D+02", ".", 150.0), ("1.5-102", ".", 1.5e-102), ("1,5D2", ",", 150.0), ("\u22121.5", ".", -1.5),
     ("1\u202f234,5", ",", 1234.5), ("1.234,5", ",", 1234.5), ("1,234.5", ".", 1234.5), ("12,34.5", ".", None),

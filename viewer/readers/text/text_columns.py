@@ -96,8 +96,8 @@ def recognise(path: Path, given: str | None = None) -> Layout:
         count = min(counts)
     if count < 3:  # the first row was told by other marks than the rows together
         raise unknown_columns(path, f"a row has {counted(count, 'column')}: {quoted(lines[0])}; x, y and z are needed")
-    table = _sample(path, delimiter, decimal, count, before)
-    columns, notes = columns_by_values(path, table)
+    table, words = _sample(path, delimiter, decimal, count, before)
+    columns, notes = columns_by_values(path, table, words)
     rest = columns[-1] == OTHER and bool(np.isnan(table[:, -1]).all()) and max(counts) > count
     return Layout(columns, delimiter, before, decimal, rest, notes)
 
@@ -163,13 +163,14 @@ def fields_of(line: str, delimiter: str) -> list[str]:
     return [word.strip().replace("\0", delimiter) for word in bare.removesuffix(delimiter).split(delimiter)]
 
 
-def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) -> np.ndarray:
-    """(n, count) float64: rows from the beginning, the middle and the end of a file; NaN where a field is not a number."""
+def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows from the beginning, the middle and the end of a file: (n, count) float64, NaN where a field is not a number, and
+    (n, count) bool, where it is a word."""
     rows = sample_fields(path, delimiter, count, headers)
     if not rows:
         raise InputError("holds no two rows with the same number of values; a row is x y z, and i, r g b if known", file=path)
-    nothing = float("nan")
-    return np.array([[nothing if (value := number(word, decimal)) is None else value for word in row[:count]] for row in rows])
+    values = [[number(word, decimal) for word in row[:count]] for row in rows]
+    return np.array(values, np.float64), np.array([[value is None for value in row] for row in values])
 
 
 def sample_fields(path: Path, delimiter: str, count: int, headers: int) -> list[list[str]]:

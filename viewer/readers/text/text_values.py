@@ -19,19 +19,19 @@ person is asked.  On six scans with the intensity before or behind the colour th
 statue whose intensity, behind its colour, resembles it."""
 
 
-def columns_by_values(path: Path, table: np.ndarray) -> tuple[str, tuple[str, ...]]:
+def columns_by_values(path: Path, table: np.ndarray, words: np.ndarray) -> tuple[str, tuple[str, ...]]:
     """The columns, a letter each, and notes about them for a person.  table: (n, count) float64, NaN where no number is.
+    words: (n, count) bool, True where a field is neither a number nor a spelling of NaN.
 
     Raises InputError where they cannot be recognised.
     """
     with np.errstate(all="ignore"):  # values that are not finite, and columns that do not vary
-        return _recognised(path, table)
+        return _recognised(path, table, words)
 
 
-def _recognised(path: Path, table: np.ndarray) -> tuple[str, tuple[str, ...]]:
+def _recognised(path: Path, table: np.ndarray, words: np.ndarray) -> tuple[str, tuple[str, ...]]:
     count = table.shape[1]
-    known = np.isfinite(table)
-    numbers = [at for at in range(count) if known[:, at].mean() > 1 - _LABEL_SHARE] if len(table) else []
+    numbers = [at for at in range(count) if words[:, at].mean() < _LABEL_SHARE] if len(table) else []
     if len(numbers) < 3:
         numbers = list(range(count))  # not a number in many rows: left out and counted when they are read
     columns, notes = [OTHER] * count, []
@@ -46,7 +46,7 @@ def _recognised(path: Path, table: np.ndarray) -> tuple[str, tuple[str, ...]]:
         order = ",".join("yxz"[place.index(at + 1)] if at + 1 in place else OTHER for at in range(count))
         notes.append(f"columns {place[0]}, {place[1]} and {place[2]} are read as x, y, z; where they are northing, easting and "
                      f"elevation, give --columns {order}")  # fmt: skip
-    left = numbers[3:]
+    left = [at for at in numbers[3:] if np.isfinite(table[:, at]).any()]
     normals = next((at for at in _triples(left) if _are_normals(table[:, at : at + 3])), None)
     if normals is not None:
         left = [at for at in left if not normals <= at < normals + 3]
