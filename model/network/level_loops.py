@@ -14,6 +14,7 @@ from .levels import (  # fmt: skip
     DEPTH,
     FEW,
     HIGH_PER_LEVEL,
+    HOLE_REACH,
     MANY,
     MOST_OF_HIGH,
     NOISE,
@@ -114,8 +115,15 @@ def sparse_blocks(packed: np.ndarray) -> np.ndarray:
         down = pixels.reshape(rows, side, -1).sum(1, dtype=np.uint8)  # of bytes first: a tenth of the time of a loop
         return down.reshape(rows, columns, side).sum(2, dtype=np.int32)
 
-    density = counts(kept) / counts(inside)
-    shares = np.clip((CLOSE**-2 - density) / (CLOSE**-2 - APART**-2), 0.0, 1.0).astype(np.float32)
+    def around(blocks: np.ndarray) -> np.ndarray:
+        sums = np.pad(blocks, HOLE_REACH)
+        for axis in (0, 1):
+            sums = np.lib.stride_tricks.sliding_window_view(sums, 2 * HOLE_REACH + 1, axis).sum(-1)
+        return sums
+
+    held, whole = counts(kept), counts(inside)
+    density = np.where(held > 0, held / whole, around(held) / around(whole))
+    shares = np.clip((CLOSE**-2 - density) / (CLOSE**-2 - APART**-2), 0.0, 1.0).astype(np.float32) * (density > 0)
     many = (float(shares.mean()) - FEW) / (MANY - FEW)
     return shares * np.float32(min(max(many, 0.0), 1.0))
 

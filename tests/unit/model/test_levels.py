@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from pointglass.model.network.level_loops import sparse_blocks
 from pointglass.model.network.levels import halved, merged, sparse
 from pointglass.model.network.network_layout import BACKGROUND, CLOSED, PACKED_IN
 from pointglass.model.network.reconstruct import Reconstructor
@@ -37,7 +38,7 @@ def test_the_loops_merge_as_the_reference_does_and_dense_places_stay_to_the_byte
     assert torch.equal(made[:, : dense - 16], alone[:, : dense - 16]) and torch.equal(made[..., 3], alone[..., 3])
     assert not torch.equal(made, alone)
     packed[..., 3] = 1.0
-    packed[16:56, 24:, 3] = 0.0
+    packed[16:56, 24:, 3] = torch.from_numpy(rng.random((40, size[1] - 24)) < 0.1)
     made = several(packed)
     wanted = merged(planes, packed.permute(2, 0, 1)[None], levels)[0].permute(1, 2, 0)
     assert (made.float() - wanted.float()).abs().max() < 3e-3 and not torch.equal(made, one(packed))
@@ -65,6 +66,21 @@ def test_how_sparse_a_place_is_follows_from_the_distance_between_its_points():
     confidence = torch.ones(1, 1, 96, 96)
     confidence[..., :16, :16] = 0.0
     assert not sparse(confidence).any(), "one block of 36 is not worth the time"
+
+
+@pytest.mark.parametrize("size", [(96, 240), (100, 250)])
+def test_holes_are_not_sparse_places_but_gaps_between_points_far_apart_are(size):
+    rng = np.random.default_rng(size[0])
+    packed = torch.ones(*size, PACKED_IN)
+    packed[:, 48:, 3] = 0.0
+    assert not sparse_blocks(packed.numpy()).any(), "a hole beside dense points"
+    packed[..., 3] = 0.0
+    assert not sparse_blocks(packed.numpy()).any(), "nothing is measured"
+    packed[10::20, 10::20, 3] = 1.0
+    assert sparse_blocks(packed.numpy()).all(), "one point in 400, blocks without one among them"
+    density = rng.choice([0.0, 0.002, 0.1, 1.0], (4, 5)).repeat(25, 0).repeat(50, 1)[: size[0], : size[1]]
+    packed[..., 3] = torch.from_numpy(rng.random(size) < density)
+    assert np.allclose(sparse_blocks(packed.numpy()), sparse(packed[None, None, ..., 3])[0, 0], atol=1e-6)
 
 
 def test_background_far_from_the_picture_is_left_out_of_both_sizes():
