@@ -63,7 +63,7 @@ def _extent(s):
     return near, far, widest
 
 
-@compiled(nogil=True, fastmath={"nnan", "nsz"})
+@compiled(nogil=True, fastmath={"nnan", "nsz", "reassoc"})  # of bounds only
 def _normals(s):
     """The mean unit normal of a tile's certain pixels, and the largest angle from it; its sign means nothing."""
     x, y, z, count = _F(0.0), _F(0.0), _F(0.0), _F(0.0)
@@ -202,13 +202,20 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
 def _unpack(filled, top, left, s):
     """The filled picture's colours in RED, GREEN, BLUE of a tile."""
     height, width = filled.shape
+    byte = np.int32(255)
     for j in range(min(TILE, height - top)):
-        row = filled[top + j]
-        for i in range(min(TILE, width - left)):
-            word = row[left + i]
-            s[RED + TILE * j + i] = _F(np.uint8(word))
-            s[GREEN + TILE * j + i] = _F(np.uint8(word >> np.uint32(8)))
-            s[BLUE + TILE * j + i] = _F(np.uint8(word >> np.uint32(16)))
+        at = TILE * j
+        if left + TILE <= width:  # a number of pixels that the compiler knows
+            part = filled[top + j, left : left + TILE]
+            for i in range(TILE):
+                word = np.int32(part[i])
+                s[RED + at + i], s[GREEN + at + i] = _F(word & byte), _F(word >> np.int32(8) & byte)
+                s[BLUE + at + i] = _F(word >> np.int32(16) & byte)
+        else:
+            for i in range(width - left):
+                word = np.int32(filled[top + j, left + i])
+                s[RED + at + i], s[GREEN + at + i] = _F(word & byte), _F(word >> np.int32(8) & byte)
+                s[BLUE + at + i] = _F(word >> np.int32(16) & byte)
 
 
 @compiled(nogil=True)

@@ -17,19 +17,26 @@ def block_sums(filled, colours, sums, first, last):
     """Writes to sums (rows, columns, 4) float32, of the blocks in rows ``first`` to ``last``, the photographs' colours less the
     filled picture's, times the share of 255, and the share."""
     height, width = filled.shape
+    columns, byte = sums.shape[1], np.int32(255)
+    pixels = np.zeros((4, columns * BLOCK), np.int32)  # sums of a column of a row of blocks
+    red, green, blue, total = pixels[0], pixels[1], pixels[2], pixels[3]
     for row in range(first, last):
-        for column in range(sums.shape[1]):
-            red = green = blue = total = 0
-            for y in range(row * BLOCK, min((row + 1) * BLOCK, height)):
-                for x in range(column * BLOCK, min((column + 1) * BLOCK, width)):
-                    photo, under = np.int64(colours[y, x]), np.int64(filled[y, x])
-                    part = photo >> 24
-                    red += part * ((photo & 255) - (under & 255))
-                    green += part * ((photo >> 8 & 255) - (under >> 8 & 255))
-                    blue += part * ((photo >> 16 & 255) - (under >> 16 & 255))
-                    total += part
+        pixels[:] = 0
+        for y in range(row * BLOCK, min((row + 1) * BLOCK, height)):
+            above, below = colours[y], filled[y]
+            for x in range(width):
+                photo, under = np.int32(above[x]), np.int32(below[x])
+                part = photo >> np.int32(24) & byte
+                red[x] += part * ((photo & byte) - (under & byte))
+                green[x] += part * ((photo >> np.int32(8) & byte) - (under >> np.int32(8) & byte))
+                blue[x] += part * ((photo >> np.int32(16) & byte) - (under >> np.int32(16) & byte))
+                total[x] += part
+        for column in range(columns):
+            r = g = b = t = np.int32(0)
+            for x in range(column * BLOCK, column * BLOCK + BLOCK):
+                r, g, b, t = r + red[x], g + green[x], b + blue[x], t + total[x]
             cell = sums[row, column]
-            cell[0], cell[1], cell[2], cell[3] = _F(red), _F(green), _F(blue), _F(total)
+            cell[0], cell[1], cell[2], cell[3] = _F(r), _F(g), _F(b), _F(t)
 
 
 @compiled(nogil=True)
@@ -37,27 +44,38 @@ def over_rows(filled, colours, sums, made, share, first, last):
     """Writes to made (H, W), and to share (H, W) uint8 how much of each pixel is from photographs, in the rows that lie between
     the middles of rows of blocks, ``first`` to ``last`` of them."""
     height, width = filled.shape
-    rows, columns = sums.shape[0], sums.shape[1]
+    rows, columns, byte, half = sums.shape[0], sums.shape[1], np.int32(255), _F(0.5)
+    alike, counts = np.empty(columns + 1, np.bool_), np.ones(width, np.float32)
     for row in range(first, last):  # blocks row - 1 and row
+        upper, lower, all_alike = sums[max(row - 1, 0)], sums[min(row, rows - 1)], True
         for column in range(columns + 1):
-            one, two = sums[max(row - 1, 0), max(column - 1, 0)], sums[max(row - 1, 0), min(column, columns - 1)]
-            three, four = sums[min(row, rows - 1), max(column - 1, 0)], sums[min(row, rows - 1), min(column, columns - 1)]
-            alike = _agrees(one) and _agrees(two) and _agrees(three) and _agrees(four)
-            for y in range(max(row * BLOCK - BLOCK // 2, 0), min(row * BLOCK + BLOCK // 2, height)):
-                down = (_F(y - row * BLOCK + BLOCK // 2) + _F(0.5)) * _F(1.0 / BLOCK)
-                for x in range(max(column * BLOCK - BLOCK // 2, 0), min(column * BLOCK + BLOCK // 2, width)):
-                    photo, under = colours[y, x], filled[y, x]
-                    part = _F(np.int32(photo >> np.uint32(24))) * _F(1 / 255)
-                    if part > _F(0.0) and not alike:
-                        along = (_F(x - column * BLOCK + BLOCK // 2) + _F(0.5)) * _F(1.0 / BLOCK)
-                        part *= _uncontradicted(one, two, three, four, along, down)
-                    share[y, x] = np.uint8(np.int32(part * _F(255.0) + _F(0.5)))
-                    colour = under & np.uint32(0xFF000000)
-                    for shift in range(0, 24, 8):
-                        a, b = _F(np.int32(under >> np.uint32(shift) & np.uint32(255))), np.int32(photo >> np.uint32(shift))
-                        mixed = a + (_F(b & np.int32(255)) - a) * part
-                        colour |= np.uint32(np.int32(mixed + _F(0.5))) << np.uint32(shift)
-                    made[y, x] = colour
+            one, two = max(column - 1, 0), min(column, columns - 1)
+            alike[column] = _agrees(upper[one]) and _agrees(upper[two]) and _agrees(lower[one]) and _agrees(lower[two])
+            all_alike &= alike[column]
+        counts[:] = _F(1.0)
+        for y in range(max(row * BLOCK - BLOCK // 2, 0), min(row * BLOCK + BLOCK // 2, height)):
+            if not all_alike:
+                down = (_F(y - row * BLOCK + BLOCK // 2) + half) * _F(1.0 / BLOCK)
+                for column in range(columns + 1):
+                    if alike[column]:
+                        continue
+                    one, two = max(column - 1, 0), min(column, columns - 1)
+                    for x in range(max(column * BLOCK - BLOCK // 2, 0), min(column * BLOCK + BLOCK // 2, width)):
+                        along = (_F(x - column * BLOCK + BLOCK // 2) + half) * _F(1.0 / BLOCK)
+                        counts[x] = _uncontradicted(upper[one], upper[two], lower[one], lower[two], along, down)
+            above, below, out, parts = colours[y], filled[y], made[y], share[y]
+            for x in range(width):
+                photo, under = np.int32(above[x]), np.int32(below[x])
+                part = _F(photo >> np.int32(24) & byte) * _F(1 / 255) * counts[x]
+                red, green, blue = _F(under & byte), _F(under >> np.int32(8) & byte), _F(under >> np.int32(16) & byte)
+                red += (_F(photo & byte) - red) * part
+                green += (_F(photo >> np.int32(8) & byte) - green) * part
+                blue += (_F(photo >> np.int32(16) & byte) - blue) * part
+                colour = np.int32(red + half) | np.int32(green + half) << np.int32(8) | np.int32(blue + half) << np.int32(16)
+                out[x] = np.uint32(under & np.int32(-0x1000000) | colour)
+            for x in range(width):
+                part = _F(np.int32(above[x]) >> np.int32(24) & byte) * _F(1 / 255) * counts[x]
+                parts[x] = np.uint8(np.int32(part * _F(255.0) + half))
 
 
 @compiled(nogil=True, inline="always")

@@ -264,12 +264,15 @@ def _texels(kept, words, nearer, farther, width, height, across, down, first, ar
 @compiled(nogil=True)
 def ranked(s, slots, top):
     """Copies what vote takes of the best slots of each pixel to top (MOST, SLOT_PLANES * PLANE)."""
+    flat = slots.reshape(-1)
     for k in range(MOST):
+        slot = top[k]
         for i in range(PIXELS):
-            kept, slot = slots[int(s[WHO + k * PLANE + i])], top[k]
-            slot[WEIGHT + i] = s[BEST + k * PLANE + i] if kept[SEEN_RED + i] >= _F(0.0) else _F(0.0)
-            slot[CONFIDENCE + i], slot[SEEN_RED + i] = kept[CONFIDENCE + i], kept[SEEN_RED + i]
-            slot[SEEN_GREEN + i], slot[SEEN_BLUE + i] = kept[SEEN_GREEN + i], kept[SEEN_BLUE + i]
+            kept = np.uint32(np.int32(s[WHO + k * PLANE + i])) * np.uint32(SLOT_PLANES * PLANE) + np.uint32(i)
+            red = flat[kept + np.uint32(SEEN_RED)]
+            slot[WEIGHT + i] = s[BEST + k * PLANE + i] if red >= _F(0.0) else _F(0.0)
+            slot[CONFIDENCE + i], slot[SEEN_RED + i] = flat[kept + np.uint32(CONFIDENCE)], red
+            slot[SEEN_GREEN + i], slot[SEEN_BLUE + i] = flat[kept + np.uint32(SEEN_GREEN)], flat[kept + np.uint32(SEEN_BLUE)]
 
 
 @compiled(nogil=True)
