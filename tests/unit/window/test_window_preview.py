@@ -15,6 +15,7 @@ from pointglass.viewer.window.flight.start_viewpoint import start_state, survey
 from pointglass.viewer.window.interaction.tool import ToolContext
 from pointglass.viewer.window.interaction.walk_mode import WalkMode
 from pointglass.viewer.window.kit.notices import LoadAllPoints
+from pointglass.viewer.window.panels.status_bar import _columns
 from pointglass.viewer.window.session.loading import Loaded
 
 
@@ -33,6 +34,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
         loaded = made.poll()
     made.accept(loaded)
     assert made.scene is shown and made.shown_scan.preview and made.loads.current is work
+    assert _columns(made, None)[3].text == "preview" and "being read" in _columns(made, None)[3].explained
     made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
     camera = made.camera
     gate.set()
@@ -144,5 +146,6 @@ def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
         loaded = made.poll()
     made.accept(loaded)
     made.escape()
+    assert _columns(made, None)[3].text == "preview" and "were not read" in _columns(made, None)[3].explained
     assert made.shown_scan.preview and made.scene is loaded.scene and work is not None and work.join(10)
     assert [notice.offer for notice in made.notices.of_scan] == [LoadAllPoints()]

@@ -48,34 +48,44 @@ class _Column:
 
 def _columns(session: Session, fps: float | None) -> list[_Column]:
     meta = session.facts
-    cost = session.picture.cost
-    approximations = session.screen.approximations
+    state, drawn = _picture(session)
+    return [
+        _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
+                "The measured point under the pointer, in the file's coordinates"),
+        _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
+        _moving(session),
+        state,
+        drawn,
+        _Column(f"{fps:.0f} frames/s" if fps else "", 92,
+                "Frames per second while the camera moves; F3 shows where the time goes"),
+    ]
+
+
+def _picture(session: Session) -> tuple[_Column, _Column]:
+    """Whether the picture is exact, and how many points are drawn."""
+    cost, approximations, reading = session.picture.cost, session.screen.approximations, session.loads.reading
     if session.picture.pending is not None or (session.screen.refining and not session.flight.moving):
         state = "refining…"
     elif session.flight.moving:
         state = "moving"
     else:
         state = "exact" if session.screen.exact and not approximations else "at rest"
-    reading = session.loads.reading
+    drawn, total = (0, 0) if cost is None else (cost.points_drawn, cost.facts.points_total)
+    if session.shown_scan.preview and not reading.on:
+        others = "are being read" if session.loads.current is not None else "were not read"
+        return (_Column("preview", 176, f"A sample of the points; the others {others}.", True),
+                _Column(f"{count_text(total)} of a preview" if total else "", 160, "Points of the preview"))
     more_to_come = bool(approximations) and not session.screen.exact  # else they are what the settings ask for: no warning
     rough = ", approximate" if more_to_come and state != "refining…" else ""
-    drawn, total = (0, 0) if cost is None else (cost.points_drawn, cost.facts.points_total)
-    rate, drops = f"{fps:.0f} frames/s" if fps else "", session.document.drops
     text = "; ".join(approximations) if approximations else "Nothing is left out."
     if reading.on:
         state = reading.short or ("at rest" if state == "exact" else state)  # points finer than a pixel are not read
         rough, text = "" if reading.short else rough, "\n".join([reading.text, *approximations])
         total, more_to_come = max(total, reading.state.points), more_to_come or bool(reading.state.problem)
-    return [
-        _Column(coordinates_text(session.point, meta.metres_per_unit), 270,
-                "The measured point under the pointer, in the file's coordinates"),
-        _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
-        _moving(session),
-        _Column(state + rough, 176, text, more_to_come),
-        _Column(drawn_text(drawn, total, fewer=drops) if total else "", 160, "Points drawn, of all points"
-                + drops * ": those in view before clips and hidden scans take points away"),
-        _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),
-    ]
+    drops = session.document.drops
+    return (_Column(state + rough, 176, text, more_to_come),
+            _Column(drawn_text(drawn, total, fewer=drops) if total else "", 160, "Points drawn, of all points"
+                    + drops * ": those in view before clips and hidden scans take points away"))
 
 
 def _moving(session: Session) -> _Column:
