@@ -31,7 +31,7 @@ from ..readers.grid_folder import MAGIC, is_grid
 from ..readers.grid_folder import META as _META
 from ..readers.moved_source import Moves, moves_of_files
 from .building.grid_threads import processors
-from .checksum import checksum
+from .checksum import checksum, head_checksums
 from .column_files import ColumnFiles
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
 from .mapped_array import LateColumn, loaded, mapped
@@ -144,7 +144,7 @@ def _read(folder: Path, identity: list | None, late: bool = False) -> Scene:
     return Scene(
         points, cells, offsets, header.origin, header.cell_size, layers, count, header.spacing, header.bounds, header.meta,
         arrays["checksums"], header.parts, noise=_noise(header.noise, arrays.get("noise")),
-        records=_records(folder, header, arrays), **later,
+        records=_records(folder, header, arrays), head_checksums=header.head_checksums, **later,
     )  # fmt: skip
 
 
@@ -243,6 +243,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "spacing": float(scene.spacing),
         "bounds": scene.bounds.tolist(),
         "parts": scene.parts,
+        "head_checksums": head_checksums(scene.points, scene.offsets, scene.layers),
         "meta": to_json(scene.meta),
     }
     if (noise := scene.noise) is not None:

@@ -49,9 +49,8 @@ class NoiseHeader:
 @dataclass(frozen=True, eq=False)
 class GridHeader:
     """shapes: of each array.  sums: CRC-32 of each array except the points; None in folders of earlier versions, which have
-    none.
-    noise: None where none was stored.  first, scan_first: as ``first`` and ``scans`` in viewer.grid.records.point_records, None
-    where they are not stored.  Others as in Scene."""
+    none.  noise: None where none was stored.  first, scan_first: as ``first`` and ``scans`` in
+    viewer.grid.records.point_records, None where they are not stored.  Others as in Scene."""
 
     shapes: dict[str, tuple[int, ...]]
     sums: dict[str, int] | None
@@ -66,6 +65,7 @@ class GridHeader:
     noise: NoiseHeader | None
     first: np.ndarray | None
     scan_first: np.ndarray | None
+    head_checksums: tuple[int, ...] | None = None
 
 
 def read_header(folder: Path, identity: list | None) -> GridHeader:
@@ -190,6 +190,7 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
         ),
         first=_numbers(meta.records and meta.records.first),
         scan_first=_numbers(meta.records and meta.records.scan_first),
+        head_checksums=tuple(map(int, head["head_checksums"])) if "head_checksums" in head else None,
     )  # fmt: skip
 
 

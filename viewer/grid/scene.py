@@ -66,6 +66,8 @@ class Scene:
     live: the sources, where the scene was built from them in this process; else they are opened again when they are needed.
     marked: points that show another station number than ``points`` has, put in by :func:`packed` and by
         viewer.stream.chunk_source; None: none do.
+    head_checksums: of the parts of the first chunk, as kept on disk (viewer.grid.checksum); None in a folder of an earlier
+        version, or where ``points`` are not on disk.
     """
 
     points: np.ndarray
@@ -86,6 +88,7 @@ class Scene:
     records: PointRecords | None = None
     live: tuple[Source, ...] = ()
     marked: MarkedPoints | None = None
+    head_checksums: tuple[int, ...] | None = None
 
     @property
     def step(self) -> float:

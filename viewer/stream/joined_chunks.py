@@ -1,8 +1,8 @@
 """Reads the chunks of a scene of several grids: the pieces of a chunk come from the files of these grids, each checked once.
 
-A chunk of such a scene holds points of many grids where layers are coarse.  Checksums are those of the grids' own chunks: a
-chunk of a grid is read whole and checked when a point of it is first needed; then only what is needed is read.  Files are
-opened for each piece, which takes some 10 us: a place has more files than a process may keep open.
+A chunk of such a scene holds points of many grids where layers are coarse.  Checksums are those of the grids' own chunks, and
+of the layers in the first one: such a part is read whole and checked when a point of it is first needed; then only what is
+needed is read.  Files are opened for each piece, which takes some 10 us: a place has more files than a process may keep open.
 """
 
 import threading
@@ -30,7 +30,7 @@ class JoinedChunks:
         self.count = len(scene.points)
         self.chunks = -(-self.count // chunk_points)
         self.chunk_bytes = chunk_points * POINT_BYTES
-        self._checked = [np.zeros(len(sums), bool) for sums in self.points.checksums]
+        self._checked = [np.zeros(len(parts.sums), bool) for parts in self.points.checked]
         self._starts: dict[int, int] = {}
         self._scratch = threading.local()
 
@@ -56,20 +56,20 @@ class JoinedChunks:
         if isinstance(path, np.ndarray):  # in memory
             into[:] = path[start : start + len(into)]
             return
-        sums, checked = self.points.checksums[grid], self._checked[grid]
+        parts, checked = self.points.checked[grid], self._checked[grid]
+        edges, part = parts.edges, int(np.searchsorted(parts.edges, start, side="right")) - 1
         with ChunkFile(path, self._start_of(grid)) as file:
             stop, at = start + len(into), start
             while at < stop:
-                number = at // CHUNK
-                end = min(stop, (number + 1) * CHUNK)
+                number, base = part, int(edges[part])
+                part, end = part + 1, min(stop, int(edges[part + 1]))
                 if checked[number]:
-                    while end < stop and checked[end // CHUNK]:
-                        end = min(stop, (end // CHUNK + 1) * CHUNK)
-                    file.read(at, into[at - start : end - start], number)
+                    while end < stop and checked[part]:
+                        part, end = part + 1, min(stop, int(edges[part + 1]))
+                    file.read(at, into[at - start : end - start], base // CHUNK)
                 else:
-                    base = number * CHUNK
-                    whole = self._room(min(CHUNK, self.points.count_of(grid) - base))
-                    file.read(base, whole, number, int(sums[number]))
+                    whole = self._room(int(edges[part]) - base)
+                    file.read(base, whole, base // CHUNK, int(parts.sums[number]))
                     checked[number] = True
                     into[at - start : end - start] = whole[at - base : end - base]
                 at = end

@@ -74,6 +74,11 @@ class Residency:
         """Whether every chunk is loaded, chunk c in slot c."""
         return self.absent == 0
 
+    def absent_of_kept(self) -> np.ndarray:
+        """Ascending numbers of the absent chunks that are loaded at rest, whatever a picture needs: all, where there is a slot
+        for each, else those that are pinned."""
+        return np.flatnonzero(self.slot_of_chunk[: self.chunks if self.holds_all else self.pinned] < 0)
+
     def need(self, first: np.ndarray, count: np.ndarray) -> np.ndarray:
         """Ascending numbers of the chunks that hold runs of points.  first, count: (R,) int64, in any order."""
         from .chunk_kernels import tally_chunks

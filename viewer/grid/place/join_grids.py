@@ -13,6 +13,7 @@ import numpy as np
 
 from ...common.errors import InputError
 from ...preprocess.scan_table import MOST_NUMBERS
+from ..checksum import checked_parts
 from ..density_layers import PARTS
 from ..scene import Scene
 from .joined_facts import attribute_tables, joined_facts
@@ -58,7 +59,7 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path | None], open_column:
     meta, first_stations = joined_facts(scenes)
     points: Any = JoinedPoints(
         table, [folder / "points.npy" if folder else scene.points for scene, folder in zip(scenes, folders)],
-        [np.asarray(scene.checksums) for scene in scenes],
+        [checked_parts(scene) for scene in scenes],
         changes_of(scenes, first_stations, gains, missing_black), first_stations, open_column,
     )  # fmt: skip
     records = JoinedRecords(

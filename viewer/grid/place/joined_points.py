@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checksum import CheckedParts
 from ..mapped_array import rows_of
 from .point_change import PointChange
 
@@ -145,13 +146,13 @@ class JoinedColumn:
 
 class JoinedPoints(JoinedColumn):
     """Packed points (N, 3) uint32.  files: of the points of each grid, .npy, or the points, where they are in memory.
-    checksums: of each grid, as in Scene.  changes: of each grid's points.  first_stations: number of the first
+    checked: what of each grid is checked as a whole.  changes: of each grid's points.  first_stations: number of the first
     station of each grid, without a limit."""
 
-    def __init__(self, table: PieceTable, files: Sequence[Path | np.ndarray], checksums: list[np.ndarray],
+    def __init__(self, table: PieceTable, files: Sequence[Path | np.ndarray], checked: list[CheckedParts],
                  changes: list[PointChange], first_stations: list[int], open_column: Callable[[Path], np.ndarray]):
         super().__init__(table, OpenColumns(files, open_column), (3,), np.uint32)
-        self.files, self.checksums, self.changes, self.first_stations = files, checksums, changes, first_stations
+        self.files, self.checked, self.changes, self.first_stations = files, checked, changes, first_stations
 
     def count_of(self, grid: int) -> int:
         """Points of a grid."""

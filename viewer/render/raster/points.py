@@ -1,15 +1,16 @@
 """The scene's packed points on the GPU: a pool of slots, a chunk of points each, in pages no larger than a storage block.
 
 A scene that fits its budget has a slot for each chunk, chunk c in slot c; chunks of a larger one are loaded and evicted as
-needed.  In both cases opening waits for the coarse layers only.  An exact picture waits for all points it needs, in rounds that
-each fit the pool; a moving one is drawn with the resident points, and more arrive, coarse chunks first, a limited number of
-bytes a frame.
+needed.  The first picture waits for the coarse layers only, of a larger scene for what it needs of them.  An exact picture
+waits for all points it needs, in rounds that each fit the pool; a moving one is drawn with the resident points, and more
+arrive, coarse chunks first, a limited number of bytes a frame.
 
 Point p of chunk c = p // chunk_points is in page slot_of_chunk[c] // slots_per_page, at the index
 (slot_of_chunk[c] % slots_per_page) * chunk_points + p % chunk_points.  Neighbouring chunks need not be neighbours there,
 so a run of points is cut at multiples of chunk_points first and into batches then.
 """
 
+import contextlib
 import logging
 from collections.abc import Callable
 from time import perf_counter
@@ -52,15 +53,13 @@ class PointPages:
 
     storage_limit: bytes of a storage block.  software: OpenGL runs on the processor (None: ask).
     budget: bytes all buffers together may take; None: a share of what the device has free (viewer.render.device.gpu_memory).
-    read_ahead: bytes of main memory for prefetched chunks.  upload: bytes uploaded in a frame while streaming.
-    overview: points that a first picture waits for at most, where the whole scene fits.
-    wake: called on another thread when a chunk has arrived.
+    read_ahead: bytes of main memory for prefetched chunks.  upload: bytes uploaded in a frame while streaming.  overview:
+    points that a first picture waits for at most, where all fit.  wake: called on another thread when a chunk has arrived.
     Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
 
     After each ``prepare``, in points of the draw list: ``missing``, still loading; ``left_out``, more than the pool holds;
-    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.
-    ``budget``, ``budget_source``: bytes, and where the figure comes from.  ``short``: the device refused as much as was asked
-    for, and the budget was halved until it did not.
+    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.  ``budget``,
+    ``budget_source``: bytes, and where they come from.  ``short``: the device refused memory, and the budget was halved.
     """
 
     def __init__(
@@ -106,7 +105,8 @@ class PointPages:
             self.residency.need(nothing, nothing)  # loads the compiled loop now, not in the first frame
             self._whole = Round(0, total, np.arange(self.residency.chunks))
             self._wanted = nothing  # chunks of the last draw list of a moving picture, ascending
-            ahead = opening_chunks(scene, self.chunk_points, overview) if whole else pinned
+            self._grow(1)
+            self._opening, ahead = not whole, opening_chunks(scene, self.chunk_points, overview) if whole else 0
             self.load(Round(0, total, self._whole.chunks[:ahead]))
         except BaseException:
             self.release()
@@ -114,8 +114,7 @@ class PointPages:
 
     def _slots_for(self, total: int) -> int:
         """Slots for a scene of ``total`` points within the budget.  Raises InputError where it is too small for any."""
-        chunk_bytes = self.chunk_points * POINT_BYTES
-        slots = -(-total // self.chunk_points)
+        chunk_bytes, slots = self.chunk_points * POINT_BYTES, -(-total // self.chunk_points)
         if total * POINT_BYTES + slots // self.slots_per_page * _TAIL <= self.budget:
             return slots
         slots = min(self.budget // chunk_bytes, slots - 1)
@@ -221,6 +220,10 @@ class PointPages:
             self._grow(residency.reach(needed))  # before the rounds, during which the buffers must not change
             return residency.rounds(needed)
         wanted = residency.fitting(needed[~self._bad[needed]])
+        if self._opening:
+            self._opening = False
+            with contextlib.suppress(ChunkError):  # of which is told when that chunk is received
+                self.load(Round(0, residency.points, wanted[wanted < residency.pinned]))
         self._wanted = wanted
         self._receive(wanted)
         there, tally = residency.slot_of_chunk >= 0, residency.tally
@@ -252,20 +255,17 @@ class PointPages:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is being read although slots are free: :meth:`take_in` would request more."""
-        return self.residency.holds_all and not self.residency.complete and self._reader.left == 0
+        """Whether nothing is being read and :meth:`take_in` would request more."""
+        return self._reader.left == 0 and not self._bad[self.residency.absent_of_kept()].all()
 
     def take_in(self, seconds: float = UPLOAD_SECONDS) -> bool:
         """Between two frames: uploads arrived chunks, as many as a frame may, for about ``seconds`` seconds, and requests
-        for what the last draw list lacks, then, where there is a slot for each, for all others.
+        for what the last draw list lacks, then for all others, where there is a slot for each, or those that are pinned.
 
         Returns whether more is waiting.
         """
-        residency, wanted = self.residency, self._wanted
-        if residency.holds_all:
-            others = residency.slot_of_chunk < 0
-            others[wanted] = False
-            wanted = np.concatenate([wanted, np.flatnonzero(others)])
+        wanted = self._wanted
+        wanted = np.concatenate([wanted, np.setdiff1d(self.residency.absent_of_kept(), wanted, assume_unique=True)])
         self._receive(wanted[~self._bad[wanted]], seconds)
         return self.arrived
 
