@@ -5,6 +5,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import laspy
@@ -16,6 +17,7 @@ from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.common.workers.worker_choice import Workers
+from pointglass.viewer.grid import grid_header
 from pointglass.viewer.grid.build_scene import build_scene, in_memory
 from pointglass.viewer.grid.building import histogram
 from pointglass.viewer.grid.cache import load, load_folder
@@ -27,9 +29,11 @@ from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
 from pointglass.viewer.grid.place.relaid_grid import with_cells
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.grid.scene import CHUNK, attributes_of, colours, packed, unpack
+from pointglass.viewer.stream.chunk_source import ChunkFile
 from pointglass.viewer.stream.joined_chunks import JoinedChunks, chunks_of
 
 ROOT = Path(__file__).resolve().parents[3]
+parsed_header = grid_header._parsed
 
 
 @pytest.fixture(autouse=True)
@@ -84,20 +88,30 @@ def test_a_place_has_the_points_of_its_files_in_any_order_they_are_asked_for(tmp
 
 
 @pytest.mark.parametrize("chunk_points", [256, CHUNK])
-def test_the_chunks_that_are_streamed_are_the_points(tmp_path, seed, chunk_points):
-    scene = open_scene(tiles(tmp_path, 3, 60_000, seed))
+@pytest.mark.parametrize("earlier", [False, True])
+def test_the_chunks_that_are_streamed_are_the_points(tmp_path, seed, chunk_points, earlier, monkeypatch):
+    if earlier:  # grids without checksums of their layers
+        monkeypatch.setattr(grid_header, "_parsed", lambda head: replace(parsed_header(head), head_checksums=None))
+    scene = open_scene(tiles(tmp_path, 3, 70_000, seed))
     source, whole = chunks_of(scene, chunk_points), packed(scene)
     assert isinstance(source, JoinedChunks)
     into = np.empty((chunk_points, 3), np.uint32)
     for chunk in np.random.default_rng(seed).permutation(source.chunks).tolist():
         np.testing.assert_array_equal(source.read(chunk, into), whole[chunk * chunk_points : (chunk + 1) * chunk_points])
+    read, direct = [], ChunkFile._read_at
+    monkeypatch.setattr(ChunkFile, "_read_at", lambda self, place, raw: read.append(len(raw)) or direct(self, place, raw))
+    chunks_of(scene, 256).read(0, into[:256])
+    assert sum(read) / 12 > 3 * 65_000 if earlier else sum(read) / 12 < 0.1 * scene.count
     damaged = Path(scene.points.files[1])
-    with damaged.open("r+b") as file:
-        file.seek(-100, os.SEEK_END)
-        file.write(b"\0" * 50)
-    with pytest.raises(InputError, match="do not match their checksum"):
-        for chunk in range(source.chunks):
-            chunks_of(scene, chunk_points).read(chunk, into)
+    for place, last in ((-100, source.chunks), (-12 * 70_100, 1)):  # the last points, and the coarsest
+        kept = damaged.read_bytes()
+        with damaged.open("r+b") as file:
+            file.seek(place, os.SEEK_END)
+            file.write(bytes(byte ^ 1 for byte in kept[place : place + 50]))
+        with pytest.raises(InputError, match="do not match their checksum"):
+            for chunk in range(last):
+                chunks_of(scene, chunk_points).read(chunk, into)
+        damaged.write_bytes(kept)
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc")
