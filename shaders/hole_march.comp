@@ -1,5 +1,5 @@
 // Ray march: what the ray of each square of RAY_BLOCK pixels meets in the lattice of occupied blocks
-// (viewer/render/culling/occupancy.py): nothing, occupied blocks (TOUCHED), or one in the middle of a surface (WITHIN).  An empty block
+// (viewer/render/culling/occupancy.py): nothing, occupied blocks (TOUCHED), or one in the middle of a surface (IN_SURFACE).  An empty block
 // stores the distance to the nearest occupied one, in blocks, so that most of a ray is skipped in a few steps.
 // Reference implementation: model/reference/ray_march.py.
 

@@ -97,9 +97,8 @@ def noise(rng: np.random.Generator, colour: np.ndarray) -> tuple[np.ndarray, np.
     errors.
 
     colour: (3, side, side) 0..1, to which the noise is added.  Misaligned photographs, rough surfaces, sparkle and mixed
-    returns
-    have heavy tails: Student's t with 2.5 to 8 degrees of freedom, nearly equal in all channels, sometimes correlated along a
-    sweep, and dependent on position and brightness.
+    returns have heavy tails: Student's t with 2.5 to 8 degrees of freedom, nearly equal in all channels, sometimes correlated
+    along a sweep, and dependent on position and brightness.
     """
     side = colour.shape[-1]
     light = np.tensordot(np.array(LUMA, np.float32), colour, 1)

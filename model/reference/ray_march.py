@@ -24,8 +24,9 @@ denser that rule would only thicken outlines by half a block."""
 MAX_STEPS = 1024
 """Samples along a ray, more than any lattice needs; a guard, because far from the origin float32 cannot represent half a block
 and the march would not end."""
-_LOOSE, _INNER = 0, 255
-"""Codes of occupied blocks, beside empty ones (LOOSE) and in the middle of a surface (INNER); others: distance to one."""
+LOOSE, INNER = 0, 255
+"""Codes of a block with points, and of one in the middle of a surface.  Any other code is of an empty block: its Chebyshev
+distance, in blocks, to the nearest block with points."""
 _EVERYWHERE = 1e9
 """Times a depth: beyond any scene."""
 _NEAR = np.float32(1e-12)
@@ -92,8 +93,8 @@ def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarra
             break
         at = np.clip(np.floor(eye[left] + t[left, None] * flat[left]).astype(np.int64), 0, last)
         code = codes[tuple(at.T)]
-        held = (code == _INNER) | (code == _LOOSE)
-        within = (code == _INNER) & (t[left] < until[left]) & (t[left] >= since[left])
+        held = (code == INNER) | (code == LOOSE)
+        within = (code == INNER) & (t[left] < until[left]) & (t[left] >= since[left])
         found[left] = np.where(within, IN_SURFACE, np.where(held, TOUCHED, found[left]))
         t[left] += np.where(held, np.float32(STEP), np.maximum(code.astype(np.float32) - np.float32(1), np.float32(STEP)))
         going = ~within & ~((found[left] == TOUCHED) & (t[left] >= until[left]))

@@ -191,7 +191,7 @@ def runtime_module(driver: Driver) -> types.ModuleType:
 def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = True) -> None:
     """Puts the fakes in place, as if NVIDIA's OpenGL drew.  core, bindings: whether that package is 'installed'."""
     for module in ("network.cuda_bridge", "device.match_device"):
-        monkeypatch.setattr(f"pointglass.viewer.render.{module}.unshared", lambda context: None)
+        monkeypatch.setattr(f"pointglass.viewer.render.{module}.sharing_problem", lambda context: None)
     for name in ("cuda", "cuda.core", "cuda.bindings", "cuda.bindings.runtime"):
         monkeypatch.setitem(sys.modules, name, None)
     package = types.ModuleType("cuda")

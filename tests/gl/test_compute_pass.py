@@ -61,7 +61,7 @@ def test_a_pass_covers_its_output(programs, resources):
     step.run(out, inputs={"first": first, "second": second}, buffers={"KEYS": buffer}, factor=2.0, unused=0.0)
     made = np.frombuffer(out.read(), np.float32).reshape(SIZE[1], SIZE[0])
     np.testing.assert_allclose(made, 2 * values.sum(axis=0) + keys, rtol=1e-6)
-    step.tell(factor=0.0)
+    step.set_uniforms(factor=0.0)
     step.run(out, inputs={"second": second, "first": first}, buffers={"KEYS": buffer}, unused=0.0)
     made = np.frombuffer(out.read(), np.float32).reshape(SIZE[1], SIZE[0])
     assert np.array_equal(made, np.broadcast_to(keys, made.shape))

@@ -13,7 +13,7 @@ from fake_cuda import Driver, RecordingContext, Status, core_module, install, ru
 from pointglass.model.network.network_layout import PACKED_IN, PACKED_OUT
 from pointglass.viewer.common.errors import DeviceError
 from pointglass.viewer.doctor_probes import interop_item
-from pointglass.viewer.render.device.context import unshared
+from pointglass.viewer.render.device.context import sharing_problem
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.network.bridge import ReadBackBridge, works
 from pointglass.viewer.render.network.choose_bridge import make_bridge
@@ -126,7 +126,7 @@ def test_cuda_is_not_asked_about_the_buffers_of_another_driver(monkeypatch, driv
     """It may crash: then there would be no picture at all."""
     install(monkeypatch, driver)
     for module in ("network.cuda_bridge", "device.match_device"):
-        monkeypatch.setattr(f"pointglass.viewer.render.{module}.unshared", unshared)
+        monkeypatch.setattr(f"pointglass.viewer.render.{module}.sharing_problem", sharing_problem)
     bridge, why = make_bridge(programs, (8, 8), "cuda")
     renderer = str(programs.context.info["GL_RENDERER"])
     assert bridge.kind == "read-back" and why and renderer in why and "only NVIDIA's OpenGL" in why

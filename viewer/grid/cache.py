@@ -172,7 +172,7 @@ def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel |
     return NoiseModel(header.origin, header.voxel, sigma, header.curve, header.overall, header.neighbourhoods)
 
 
-def distrust(folder: Path) -> str:
+def mark_damaged(folder: Path) -> str:
     """Called where the points of a grid are damaged: marks a grid in the cache so that it is not used again.  Returns the
     remedy for the error message."""
     if folder.parent.absolute() != cache_dir().absolute():

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...model.common.system import read_at
 from ..common.errors import InputError
-from ..grid.cache import distrust
+from ..grid.cache import mark_damaged
 from ..grid.checksum import checksum
 from ..grid.scene import CHUNK
 
@@ -84,7 +84,7 @@ class ChunkFile:
         return got
 
     def _damaged(self, chunk: int, what: str) -> ChunkError:
-        return ChunkError(f"{self.path}: damaged grid ({what}); {distrust(self.path.parent)}", chunk)
+        return ChunkError(f"{self.path}: damaged grid ({what}); {mark_damaged(self.path.parent)}", chunk)
 
     def close(self) -> None:
         """Closes the file."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pointglass.model.reference.ray_march import IN_SURFACE, NOTHING, START_IN_SURFACE, TOUCHED, march
+from pointglass.model.reference.ray_march import IN_SURFACE, INNER, LOOSE, NOTHING, START_IN_SURFACE, TOUCHED, march
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.render.culling.occupancy import INNER, LOOSE, codes_of, occupancy_of
+from pointglass.viewer.render.culling.occupancy import codes_of, occupancy_of
 
 
 def slab(extent: int = 24) -> np.ndarray:

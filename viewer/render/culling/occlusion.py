@@ -25,7 +25,7 @@ import numpy as np
 from ...common.errors import DeviceError
 from ...grid.cell_boxes import SHARE_BITS
 from ..device.compute_pass import MAX_GROUPS, Pass
-from ..device.gpu_buffers import Grown
+from ..device.gpu_buffers import GrowingBuffer
 from ..device.read_ring import make_ring
 from ..device.shader import BINDINGS, Programs
 
@@ -158,9 +158,9 @@ class HiddenCells:
         self._levels = levels + [(0, 0, 0, 0)] * (_LEVELS - len(levels))
         self._pyramid = context.buffer(reserve=4 * int(begins[-1]))
         orphans = lag > 1  # on a GPU
-        self._flags = Grown(context, orphans=orphans)
-        self._commands = Grown(context, orphans=orphans)
-        self._appended = Grown(context)
+        self._flags = GrowingBuffer(context, orphans=orphans)
+        self._commands = GrowingBuffer(context, orphans=orphans)
+        self._appended = GrowingBuffer(context)
         shared: dict[str, Any] = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
         cells: dict[str, Any] = {"CELLS_A_GROUP": _CELLS_A_GROUP}
         test: dict[str, Any] = {"TEXELS": TEXELS, "SHARE_BITS": SHARE_BITS, **shared, **cells}
@@ -220,7 +220,7 @@ class HiddenCells:
         """Builds the pyramid from the depth drawn so far."""
         self._blocks.run(inputs={"gaps": history.closing(keys)}, buffers={"KEYS": keys, "PYRAMID": self._pyramid},
                          over=self._sizes[0], blocks=self._sizes[0])  # fmt: skip
-        self._reduce.tell(levels=self._levels)
+        self._reduce.set_uniforms(levels=self._levels)
         pyramid = {"PYRAMID": self._pyramid}
         for level in range(1, len(self._sizes)):
             self._reduce.run(buffers=pyramid, over=self._sizes[level], level=level)

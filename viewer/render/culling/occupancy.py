@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....model.reference.ray_march import INNER
 from ...grid.scene import packed, positions
 
 if TYPE_CHECKING:
@@ -29,15 +30,12 @@ TRIMMED, MARGIN = 0.1, 0.25
 THIN = 15
 """Most blocks with points among the 27 around and including one of a surface: 15 where a wall meets the ground; the crown of a
 tree has more."""
-LOOSE, INNER = 0, 255
-"""Codes of a block with points, and of one in the middle of a surface.  Any other code is of an empty block: its Chebyshev
-distance, in blocks, to the nearest block with points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Occupancy:
-    """codes: (X, Y, Z) uint8.  origin: (3,) float64 file coordinates of its lowest corner.  side: of a block, file units.
-    spacing: of the scan's points, file units."""
+    """codes: (X, Y, Z) uint8 (model.reference.ray_march.LOOSE, INNER).  origin: (3,) float64 file coordinates of its lowest
+    corner.  side: of a block, file units.  spacing: of the scan's points, file units."""
 
     codes: np.ndarray
     origin: np.ndarray

@@ -77,18 +77,18 @@ class Pass:
         known = names_of(shader)
         self._inputs = {sampler: unit for unit, sampler in enumerate(inputs)}
         self._outputs, self._buffers = tuple(outputs), {key: BINDINGS[key] for key in buffers}
-        self._uniforms, self._told = frozenset(uniforms), frozenset[str]()
+        self._uniforms, self._preset = frozenset(uniforms), frozenset[str]()
         pictures = list(enumerate(outputs))
-        strange = [*(set(inputs) - known.samplers), *(name for at, name in pictures if (at, name) not in known.images),
-                   *(self._uniforms - known.uniforms), *(set(buffers) - set(known.blocks.values()))]
+        undeclared = [*(set(inputs) - known.samplers), *(name for at, name in pictures if (at, name) not in known.images),
+                      *(self._uniforms - known.uniforms), *(set(buffers) - set(known.blocks.values()))]
         bound = {block for block, key in known.blocks.items() if key in buffers}
         declared = {*inputs, *outputs, *uniforms, *known.fixed, *bound}
         active = {member: self.program[member] for member in self.program}
         if describe_device(programs.context).software:  # a GPU's driver may list a name that its compiler found unused
-            strange += [member for member, made in active.items()
-                        if member not in declared and isinstance(made, (moderngl.Uniform, moderngl.StorageBlock))]
-        if strange:
-            self._refuse(strange, "is unknown to the shader, or declared by it alone")
+            undeclared += [member for member, made in active.items()
+                           if member not in declared and isinstance(made, (moderngl.Uniform, moderngl.StorageBlock))]
+        if undeclared:
+            self._refuse(undeclared, "is unknown to the shader, or declared by it alone")
         self._read = [known.images[picture] for picture in pictures]
         self._members = {member: made for member, made in active.items()
                          if member in self._uniforms and isinstance(made, moderngl.Uniform)}
@@ -97,11 +97,11 @@ class Pass:
     def _refuse(self, names: Sequence[str], why: str) -> NoReturn:
         raise ValueError(f"pass {self.name!r} ({self.shader}): {', '.join(map(repr, sorted(names)))} {why}")
 
-    def tell(self, **uniforms: object) -> None:
-        """Sets uniforms that the following runs need not give."""
-        if not uniforms.keys() <= self._uniforms | self._told:
-            self._refuse([*(uniforms.keys() - self._uniforms)], "is no uniform of it")
-        self._told |= uniforms.keys()
+    def set_uniforms(self, **uniforms: object) -> None:
+        """Sets uniforms that the following runs need not give, in the program: passes of one shader and constants share it."""
+        if not uniforms.keys() <= self._uniforms | self._preset:
+            self._refuse([*(uniforms.keys() - self._uniforms - self._preset)], "is no uniform of it")
+        self._preset |= uniforms.keys()
         self._uniforms -= uniforms.keys()
         self._set(uniforms)
 
@@ -142,7 +142,8 @@ class Pass:
         self.context.memory_barrier()
 
     def run_groups(self, count: int, /, *, buffers: Mapping[str, Storage], **uniforms: object) -> None:
-        """Runs ``count`` workgroups, in rows of MAX_GROUPS at most; a pass over buffers."""
+        """Runs ``count`` workgroups, in rows of MAX_GROUPS at most; a pass over buffers.  Without the barrier that what reads
+        them needs: several calls may share one."""
         self.bind((), {}, buffers, uniforms)
         if count:
             self.program.run(*rows_of_groups(count))

@@ -138,7 +138,7 @@ def describe_device(context: "moderngl.Context") -> Device:
     )
 
 
-def unshared(context: "moderngl.Context") -> str | None:
+def sharing_problem(context: "moderngl.Context") -> str | None:
     """Why this OpenGL cannot share buffers with CUDA, found out without calling CUDA; None for NVIDIA's own driver.
 
     CUDA may crash instead of refusing when it is given a buffer of another driver (for example Mesa, where NVIDIA's driver was

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _LEAST = 4096  # bytes
 
 
-class Grown:
+class GrowingBuffer:
     """A buffer, rewritten every frame, that only ever grows, so that a steady frame allocates nothing of its own.
 
     orphans: new storage for each write (on a GPU).
@@ -47,7 +47,7 @@ class Uploads:
 
     def __init__(self, context: "moderngl.Context", *, staged: bool):
         self._context = context
-        self._staging = Grown(context, orphans=True) if staged else None
+        self._staging = GrowingBuffer(context, orphans=True) if staged else None
 
     def write(self, target: "moderngl.Buffer", data: "np.ndarray", offset: int) -> None:
         """Writes C-contiguous ``data`` to ``target`` at ``offset`` bytes."""

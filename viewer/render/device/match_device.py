@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from .context import unshared
+from .context import sharing_problem
 from .egl import current_cuda_device
 from .gl_functions import device_uuids
 
@@ -100,7 +100,7 @@ def cuda_devices() -> list[CudaDevice]:
 def opengl_device(context: "moderngl.Context") -> OpenGLDevice:
     """What OpenGL, CUDA's runtime and EGL say about the current context's device."""
     # CUDA's runtime may crash where another vendor's OpenGL draws, and is not asked there
-    runtime = _by_runtime() if unshared(context) is None else None
+    runtime = _by_runtime() if sharing_problem(context) is None else None
     return OpenGLDevice(str(context.info["GL_RENDERER"]), tuple(device_uuids(context)), runtime, current_cuda_device())
 
 

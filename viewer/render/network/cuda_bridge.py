@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ....model.network.network_layout import PACKED_IN, PACKED_OUT
 from ...common.errors import DeviceError
-from ..device.context import unshared
+from ..device.context import sharing_problem
 from ..device.device_failure import CudaCallError, first_line
 from ..device.match_device import other_gpu
 from .bridge import Network, works
@@ -71,7 +71,7 @@ class CudaBridge:
     def __init__(self, programs: "Programs", size: tuple[int, int], mappers: tuple[str, ...] = tuple(MAPPERS)):
         import torch
 
-        if (problem := unshared(programs.context)) is not None:
+        if (problem := sharing_problem(programs.context)) is not None:
             raise DeviceError(f"OpenGL's buffers cannot be mapped into CUDA here ({problem})")
         self._context, self.size = programs.context, size
         width, height = size

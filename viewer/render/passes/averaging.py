@@ -37,7 +37,7 @@ class Averaging:
         self._weigh = Pass(programs, "averaging", "averaging.comp", outputs=("averaged",), inputs=("mask", "shares", "level"),
                            uniforms=("per_level",), BLOCK=DENSITY_BLOCK, DENSE_SQUARE=DENSE**2,
                            SPARSE_SCALE=1.0 / (SPARSE**2 - DENSE**2))
-        self._weigh.tell(per_level=AVERAGED / (NOISE_UNIT * NOISE_SCALE) ** 2)
+        self._weigh.set_uniforms(per_level=AVERAGED / (NOISE_UNIT * NOISE_SCALE) ** 2)
 
     def run(self, mask: "moderngl.Texture", level: "moderngl.Texture") -> None:
         """mask: keep-mask or confidence.  level: of NoiseLevel, with detail 1."""

@@ -51,6 +51,37 @@ class FilterLevel:
             surround(plane, self.width, self.height, mirrored)
 
 
+def filter_pyramid(size: tuple[int, int], levels: int) -> list[FilterLevel]:
+    """The planes of a picture of ``size`` (width, height) and of so many levels above it."""
+    return [FilterLevel.of(each) for each in (size, *level_sizes(size, levels))]
+
+
+def filter_picture(pyramid: list[FilterLevel], depths: np.ndarray, colours: np.ndarray, kept: np.ndarray, shown: np.ndarray, *,
+                   strength: float = 1.0, least: int = _FEW) -> None:
+    """Filters a picture: writes kept (H * W,) uint8, 255 where kept, and shown (H * W,) uint32, the filtered picture.
+
+    pyramid: of :func:`filter_pyramid`, which is overwritten.  depths: (H * W,) float32, +inf where empty.  colours: (H * W,)
+    uint32 RGBA8.  strength: multiplies the tolerance.  least: rows of a thread at least; the picture's height: this thread
+    alone.
+    """
+    base = pyramid[0]
+    in_rows(base.height, least, base_rows, depths, base.near, base.support, base.width)
+    for fine, coarse in itertools.pairwise(pyramid):
+        in_rows(coarse.height, least, coarser_rows, fine.near, fine.support, fine.width, coarse.near, coarse.support,
+                coarse.width)  # fmt: skip
+    coarser = _NONE
+    for number in range(len(pyramid) - 1, 0, -1):
+        level = pyramid[number]
+        if number in constants.MIRRORED:
+            level.surround(mirrored=True)
+        in_rows(level.height, least, threshold_rows, level.near, level.support, level.width, coarser,
+                *_limits(number, strength), level.threshold)  # fmt: skip
+        if number in constants.MIRRORED:
+            level.surround(mirrored=False)  # the next picture's blocks are empty beyond the edge
+        coarser = level.threshold
+    in_rows(base.height, least, keep_rows, base.near, base.width, coarser, *_limits(0, strength)[:2], colours, kept, shown)
+
+
 class CpuDepthFilter:
     """Owns the planes of one picture size.  ``run`` fills ``mask`` (R8) and ``filtered`` (RGBA8)."""
 
@@ -60,29 +91,13 @@ class CpuDepthFilter:
         self.size, self.wanted_levels = size, levels
         self.levels = constants.LEVELS["auto"] if levels is None else levels
         self.mask, self.filtered = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
-        self._pyramid = [FilterLevel.of(each) for each in (size, *level_sizes(size, self.levels))]
+        self._pyramid = filter_pyramid(size, self.levels)
         self._kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
 
     def run(self, rasteriser: "CpuRasteriser", depths: np.ndarray, *, strength: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  depths: (H * W,) float32, the rasteriser's, or what stands for them.  strength:
         multiplies the tolerance."""
-        base, pyramid = self._pyramid[0], self._pyramid
-        in_rows(base.height, _FEW, base_rows, depths, base.near, base.support, base.width)
-        for fine, coarse in itertools.pairwise(pyramid):
-            in_rows(coarse.height, _FEW, coarser_rows, fine.near, fine.support, fine.width, coarse.near, coarse.support,
-                    coarse.width)  # fmt: skip
-        coarser = _NONE
-        for number in range(self.levels, 0, -1):
-            level = pyramid[number]
-            if number in constants.MIRRORED:
-                level.surround(mirrored=True)
-            in_rows(level.height, _FEW, threshold_rows, level.near, level.support, level.width, coarser,
-                    *_limits(number, strength), level.threshold)  # fmt: skip
-            if number in constants.MIRRORED:
-                level.surround(mirrored=False)  # the next picture's blocks are empty beyond the edge
-            coarser = level.threshold
-        in_rows(base.height, _FEW, keep_rows, base.near, base.width, coarser, *_limits(0, strength)[:2], rasteriser.colours,
-                self._kept, self._shown)  # fmt: skip
+        filter_picture(self._pyramid, depths, rasteriser.colours, self._kept, self._shown, strength=strength)
         self.mask.write(self._kept)
         self.filtered.write(self._shown)
 

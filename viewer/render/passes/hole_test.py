@@ -20,7 +20,6 @@ from ....model.reference.hole_constants import (
     window_reach,
 )
 from ....model.reference.ray_march import RAY_BLOCK
-from ..culling import occupancy as lattice
 from ..device.compute_pass import Pass
 from .filter import level_sizes
 
@@ -120,7 +119,7 @@ class Rays:
             uniforms=("to_world", "lens", "sparse", "eye", "parallel"), RAY_BLOCK=RAY_BLOCK,
             STEP=ray_march.STEP, START=ray_march.START,
             START_IN_SURFACE=ray_march.START_IN_SURFACE,
-            MAX_STEPS=ray_march.MAX_STEPS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
+            MAX_STEPS=ray_march.MAX_STEPS, LOOSE=ray_march.LOOSE, INNER=ray_march.INNER, NOTHING=ray_march.NOTHING,
             TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE,
         )  # fmt: skip
 

@@ -39,7 +39,7 @@ class NoiseLevel:
             programs, "noise level", "noise_level.comp", outputs=("level",), inputs=("raw", "depth", "weight", "mask", "sigma"),
             uniforms=("lens", "parallel", "to_lattice", "eye", "scale", "point_weight", "curve"), KNOTS=KNOTS,
             LUMA_R=float(LUMA[0]), LUMA_G=float(LUMA[1]), LUMA_B=float(LUMA[2]))
-        self._pass.tell(curve=noise.curve.astype(float).tolist())
+        self._pass.set_uniforms(curve=noise.curve.astype(float).tolist())
 
     def run(self, raw: "moderngl.Texture", depth: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture", *,
             camera: "Camera", weighted: bool, detail: float) -> None:

@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....model.common.process.processors import in_rows
-from ....model.reference import filter_constants as constants
+from ....model.reference.filter_constants import LEVELS
 from ....model.reference.photo_colours import HIDDEN
 from ...preprocess.closed_depth import filled_depth
 from ...readers.e57.e57_photographs import KINDS
-from ..passes.filter import level_sizes
-from ..passes.filter_cpu import FilterLevel
-from ..passes.filter_loops import base_rows, coarser_rows, keep_rows, surround, threshold_rows
+from ..passes.filter_cpu import filter_picture, filter_pyramid
 from .photo_pool import mip_levels
 from .shadow_kernels import nearest_points, photograph_colours, seen_points
 
@@ -54,7 +51,6 @@ from 0.97 to 1 leave the same errors to 0.05 pixels on average; with 0.9 three m
 poses are turned by 0.64 pixels at most, on average by 0.03."""
 LEAST_TURN = 0.5
 """Pixels below which a pose stays as stated: exact ones are turned by 0.3 where points are few."""
-_NO_COLOUR = np.empty(0, np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,30 +183,12 @@ def shadow_map(placed: tuple, size: tuple[int, int], points: np.ndarray) -> np.n
 
 
 def _front(depth: np.ndarray) -> np.ndarray:
-    """(m, n) bool: kept by the depth filter, as viewer.render.passes.filter_cpu, on this thread alone."""
+    """(m, n) bool: kept by the depth filter; on this thread alone."""
     height, width = depth.shape
-    count = constants.LEVELS["auto"]
-    pyramid = [FilterLevel.of(each) for each in ((width, height), *level_sizes((width, height), count))]
-    base_rows(depth.ravel(), pyramid[0].near, pyramid[0].support, width, 0, height)
-    for fine, coarse in itertools.pairwise(pyramid):
-        coarser_rows(fine.near, fine.support, fine.width, coarse.near, coarse.support, coarse.width, 0, coarse.height)
-    coarser = _NO_COLOUR
-    for number in range(count, 0, -1):
-        level = pyramid[number]
-        if number in constants.MIRRORED:
-            for plane in (level.near, level.support):
-                surround(plane, level.width, level.height, True)
-        in_rows(level.height, level.height, threshold_rows, level.near, level.support, level.width, coarser,
-                *_limits(number), level.threshold)  # fmt: skip
-        coarser = level.threshold
     kept, shown = np.empty(height * width, np.uint8), np.empty(height * width, np.uint32)
     opaque = np.full(height * width, 0xFF000000, np.uint32)
-    in_rows(height, height, keep_rows, pyramid[0].near, width, coarser, *_limits(0)[:2], opaque, kept, shown)
+    filter_picture(filter_pyramid((width, height), LEVELS["auto"]), depth.ravel(), opaque, kept, shown, least=height)
     return kept.reshape(height, width) > 0
-
-
-def _limits(level: int) -> tuple[np.float32, ...]:
-    return tuple(np.float32(limit) for limit in constants.hiding_limits(level, 1.0))
 
 
 def _search(photo: "PosedPhotograph", levels: list[np.ndarray], sample: PointSample, first: PhotoFit

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..device.shader import Programs
     from .scene_photographs import ScenePhotographs
 
+
 def photographed(filled: np.ndarray, depth: np.ndarray, measured: np.ndarray, camera: "Camera", pool: PhotoPool,
                  numbers: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The filled picture with the colours of photographs, (H, W, 4) uint8; how much of each pixel is from them, (H, W) uint8;

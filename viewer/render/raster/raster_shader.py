@@ -15,7 +15,7 @@ from ..culling.cull import DrawList
 from ..culling.occlusion import History, worthwhile
 from ..device import shader
 from ..device.compute_pass import Pass
-from ..device.gpu_buffers import Grown
+from ..device.gpu_buffers import GrowingBuffer
 from ..device.shader import BINDINGS
 from .edit_block import BLOCK as EDITS_BLOCK
 from .edit_block import DEFINES as EDITED
@@ -56,8 +56,8 @@ class ShaderRasteriser(Rasteriser):
         self._clear = None if device.software else Pass(programs, "clearing", "clear.comp", buffers=("KEYS",),
                                                           uniforms=("count",), CLEAR_LANES=_CLEAR_LANES)  # fmt: skip
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
-        self.cells = Grown(context, orphans=not device.software)
-        self.upload = Grown(context, orphans=not device.software)
+        self.cells = GrowingBuffer(context, orphans=not device.software)
+        self.upload = GrowingBuffer(context, orphans=not device.software)
         self.to_linear = context.texture((len(TO_LINEAR), 1), 1, TO_LINEAR.astype("<u2").tobytes(), dtype="u2")
         self.to_srgb = context.texture((64, 64), 1, TO_SRGB.tobytes(), dtype="u1")
         # In software the resolve pass takes half the time from copies in textures: 39 and 20 ms of processor time for 960x720.
