@@ -81,3 +81,35 @@ def test_a_gpu_that_refuses_or_is_lost_ends_with_a_message_and_exit_code_3(conte
     assert found.value.exit_code == 3
     renderer.context = context
     renderer.release()
+
+
+def test_passes_that_a_later_picture_first_needs_are_not_made_without_memory(context, monkeypatch):
+    """The size of the picture stays, and a moving picture is not waited for: the next one finds out."""
+    known = module.describe_device
+    monkeypatch.setattr(module, "describe_device", lambda context: replace(known(context), software=False))
+    scene = room(3)
+    renderer, camera = Renderer(context, scene, raster="compute"), camera_in(scene, 3)
+
+    class Driver:
+        """Says an error once, as OpenGL does."""
+
+        said = "GL_NO_ERROR"
+
+        @property
+        def error(self):
+            said, self.said = self.said, "GL_NO_ERROR"
+            return said
+
+        def __getattr__(self, name):
+            return getattr(context, name)
+
+    driver = Driver()
+    renderer.context = driver  # type: ignore[assignment]
+    wanted = renderer.render(camera, Settings(view="raw")).image("raw")
+    renderer.render(camera, Settings(view="filled"), streaming=True)
+    driver.said = "GL_OUT_OF_MEMORY"  # of what that picture was the first to need
+    with pytest.raises(DeviceMemoryError, match="no memory left for a picture of"):
+        renderer.render(camera, Settings(view="filled"), streaming=True)
+    assert (renderer.render(camera, Settings(view="raw")).image("raw") == wanted).all()
+    renderer.context = context
+    renderer.release()

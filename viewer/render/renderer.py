@@ -26,7 +26,7 @@ from .culling.cull import Culler, DrawList
 from .culling.enclosed_directions import OPEN, Directions, Enclosure
 from .culling.occlusion import GAP_LEVELS, History, Occlusion, may_hide
 from .deferred_network import NetworkRuns
-from .device.context import LOST, context_lost, describe_device
+from .device.context import CONTEXT_LOST, LOST, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
 from .frame import Frame, FrameFacts, raster_facts
@@ -123,16 +123,17 @@ class Renderer:
         was reset or hangs.
         """
         views = (settings.view,) if views is None else views
-        for view in views:
-            if view not in VIEWS:
-                raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+        if unknown := [view for view in views if view not in VIEWS]:
+            raise InputError(f"view {unknown[0]!r}: expected one of {', '.join(VIEWS)}")
         self.photographs.placed = () if edits is None else edits.photographs
         edits = None if edits is None else edits.shown_in(views)
         while True:
             try:
                 frame = self._render(camera, settings, views, history, edits, streaming=streaming, defer_network=defer_network,
                                      filled_depth=filled_depth, keep_network=keep_network)
-                self._check_memory()
+                if self._sizes.allocated or not streaming:  # else as the next picture begins, which asks in any case
+                    self._check_device(camera.width, camera.height)
+                self._sizes.allocated = False
                 return frame
             except DeviceMemoryError as error:
                 if not self._halve_points():
@@ -179,8 +180,7 @@ class Renderer:
             for stage in self._sizes.networks:
                 stage.drop()  # what it may still run is a picture that this one replaces
             self._runs.forget_earlier()
-        if not self.device.software and context_lost(self.context):
-            raise DeviceLostError(LOST)
+        self._check_device(*size)
         self._sizes.use(size)
         if neural:  # before anything is drawn
             from .network.bridge import check_room
@@ -283,19 +283,20 @@ class Renderer:
         device = settings.device if settings.device != "auto" else self._device
         return self._passes.neural_for(settings, device, background=background, keeps_two=self._sizes.kept_sizes > 0)
 
-    def _check_memory(self) -> None:
-        """Raises DeviceMemoryError where OpenGL had no memory for the passes of a new picture size."""
-        if self.device.software or not self._sizes.allocated:
-            return
-        self._sizes.allocated = False
-        if self.context.error == "GL_OUT_OF_MEMORY":
-            width, height = self._passes.size
+    def _check_device(self, width: int, height: int) -> None:
+        """Raises DeviceLostError after a reset of the driver, and DeviceMemoryError where it lacked memory for what was made
+        since the last call: passes are made in the picture that first needs them."""
+        error = None if self.device.software else self.context.error
+        if error == CONTEXT_LOST:
+            raise DeviceLostError(LOST)
+        if error == "GL_OUT_OF_MEMORY":
             raise DeviceMemoryError(f"the GPU has no memory left for a picture of {width}x{height}",
                                     remedy=("choose a smaller ", Option("--size"), ", or lower ", Option("--gpu-memory")))
 
     def _halve_points(self) -> bool:
         """Frees the passes and makes the points' pages again with half their budget; False where that cannot help."""
         self._sizes.release()
+        self.photographs.free_gpu()
         held, budget = self.pages.nbytes, self.pages.budget
         if held < _WORTH_HALVING:
             return False

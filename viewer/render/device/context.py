@@ -115,12 +115,13 @@ def _standalone() -> "moderngl.Context":
 
 
 LOST = "the graphics driver was reset; start pointglass again"
+CONTEXT_LOST = "GL_CONTEXT_LOST"  # as moderngl calls the error
 
 
 def context_lost(context: "moderngl.Context") -> bool:
     """Whether the driver has reset this context and lost its contents.  Only a window's context asks for this notification
     (viewer.window.shell.app); a headless one fails in other ways."""
-    return context.error == "GL_CONTEXT_LOST"
+    return context.error == CONTEXT_LOST
 
 
 def describe_device(context: "moderngl.Context") -> Device:

@@ -107,10 +107,14 @@ class ScenePhotographs:
         """Whether a photograph that the last picture lacked is there now, or one in it has not faded in."""
         return self._last is not None and self._last.arrived
 
-    def release(self) -> None:
+    def free_gpu(self) -> None:
+        """Frees what is on the GPU; the next picture that needs it makes it again."""
         if self._resident is not None:
             self._resident.release()
             self._resident = None
+
+    def release(self) -> None:
+        self.free_gpu()
         if self._with_placed is not None:
             self._with_placed[1].release()
             self._with_placed = None
