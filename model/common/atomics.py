@@ -4,31 +4,14 @@ Sequentially consistent order is not needed: results are read after the threads 
 loop that uses them is compiled or loaded.
 """
 
-from functools import cached_property
+from functools import partial
 from typing import Any
 
-
-class _Operation:
-    """An intrinsic (array, index, value) -> the element before, with LLVM's atomicrmw ``name``; the index is not checked."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    @cached_property
-    def _numba_type_(self) -> Any:
-        """What numba asks for where a loop names the operation."""
-        from numba.core.registry import cpu_target
-
-        context: Any = cpu_target.typing_context
-        intrinsic = _intrinsic(self._name)
-        context.refresh()  # numba looks for new intrinsics when it begins to compile, which may be before
-        return context.resolve_value_type(intrinsic)
-
-    def __call__(self, array: Any, index: Any, value: Any) -> Any:
-        raise NotImplementedError("an operation of compiled loops: Python does not call it")
+from .intrinsics import Operation
 
 
 def _intrinsic(name: str) -> Any:
+    """(array, index, value) -> the element before, with LLVM's atomicrmw ``name``; the index is not checked."""
     from llvmlite import ir
     from numba.core import cgutils, types
     from numba.extending import intrinsic
@@ -48,7 +31,7 @@ def _intrinsic(name: str) -> Any:
     return operation
 
 
-atomic_add = _Operation("add")
+atomic_add = Operation(partial(_intrinsic, "add"))
 """(array of integers, index, value): adds to an element, modulo its size, and returns what it was."""
-atomic_max = _Operation("umax")
+atomic_max = Operation(partial(_intrinsic, "umax"))
 """(array of unsigned integers, index, value): raises an element to at least ``value`` and returns what it was."""
