@@ -142,12 +142,13 @@ class Reconstructor:
 
     @torch.inference_mode()
     def __call__(self, packed: Tensor) -> Tensor:
-        """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
+        """(H, W, 8) half, or float32 with the values of half floats, -> (H, W, 4) half on the same device; never NaN, within
+        0..1."""
         if self.device == "cpu" and self.compact:  # on CUDA this would cost a synchronisation, and a graph for each size
             rows, columns = covered(packed[..., BACKGROUND], self.network.reach, self.network.multiple)
             part = packed[rows, columns]
             if part.shape[0] * part.shape[1] < _WORTHWHILE * packed.shape[0] * packed.shape[1]:
-                made = packed.new_zeros((*packed.shape[:2], PACKED_OUT))
+                made = torch.zeros((*packed.shape[:2], PACKED_OUT), dtype=torch.float16)
                 if part.numel():
                     made[rows, columns] = self.made(part)
                 return made

@@ -15,7 +15,7 @@ from pointglass.viewer.picture.regions import Region
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.render.culling.enclosed_directions import OPEN, SEALED
-from pointglass.viewer.render.passes import fill
+from pointglass.viewer.render.passes import fill_cpu
 from pointglass.viewer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -35,12 +35,12 @@ def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, sa
         answers.append(closed_in_view(closed, camera))
         return answers[-1]
 
-    closed_in_view = fill.closed_in_view
+    closed_in_view = fill_cpu.closed_in_view
     try:
         for answer in (told, lambda *_: None):
-            monkeypatch.setattr(fill, "closed_in_view", answer)
+            monkeypatch.setattr(fill_cpu, "closed_in_view", answer)
             frame = renderer.render(camera, settings, views=("filled", "neural"))
-            sent = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.uint16)
+            sent = renderer._passes.neural.bridge.sent()
             looked.append((frame.image("filled").tobytes(), sent.tobytes()))
         assert answers == [said]
         assert looked[0] == looked[1]

@@ -16,6 +16,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.network import neural
 from pointglass.viewer.render.network.bridge import ReadBackBridge
+from pointglass.viewer.render.network.present_loops import present_rows
 from pointglass.viewer.render.renderer import Renderer
 
 
@@ -91,11 +92,14 @@ def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context,
     picture, bridge = context.texture((53, 37), 4), ReadBackBridge(context, (53, 37))
     bridge.output.write(made)
     shown_bridge = bridge if copied else SimpleNamespace(output=bridge.output)
-    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture, photographs=None,
+    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture, photographs=None, _shown=None,
                             _unpack=neural.unpacking(programs, copied=copied is not None))  # fmt: skip
     try:
         neural.NeuralStage.present(stage, filled)  # type: ignore[arg-type]
         shown = np.frombuffer(picture.read(), np.uint8).reshape(made.shape)
+        by_loops = np.empty(alpha.size, np.uint32)
+        present_rows(made.reshape(-1).view(np.uint16), np.frombuffer(filled.read(), np.uint32), 53, by_loops, 0, 37)
+        assert np.abs(by_loops.view(np.uint8).reshape(made.shape).astype(int) - shown).max() <= 1
     finally:
         for resource in (filled, bridge, picture, programs):
             resource.release()

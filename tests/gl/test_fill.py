@@ -19,7 +19,7 @@ from pointglass.viewer.preprocess.scan_description import ScanDescription
 from pointglass.viewer.render.culling.enclosed_directions import OPEN, SEALED, SIDE, Directions
 from pointglass.viewer.render.culling.occupancy import Occupancy, codes_of
 from pointglass.viewer.render.device.shader import Programs
-from pointglass.viewer.render.passes.fill import Fill
+from pointglass.viewer.render.passes.fill_cpu import CpuFill
 from pointglass.viewer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -30,16 +30,25 @@ CLOSE = 2e-3
 """Half floats, up to DEPTH_FEATURE_LIMIT."""
 
 
-def sent(context, fill: Fill, *inputs, **options) -> np.ndarray:
-    """(PACKED_IN, H, W): what the network is given."""
+def sent(context, fill: CpuFill, *inputs, **options) -> np.ndarray:
+    """(PACKED_IN, H, W): what the network is given, by the passes; it and the filled picture are also those of the loops."""
     width, height = fill.size
     buffer = context.buffer(reserve=2 * PACKED_IN * width * height)
+    colour, weight, depth, noise = (
+        None if each is None else np.frombuffer(each.read(alignment=1), kind) for each, kind in zip(
+            (*inputs, options.get("noise")), (np.uint32, np.uint8, np.float32, np.float32), strict=True))
     try:
-        fill.run(*inputs, **options, network=buffer)
-        packed = np.frombuffer(buffer.read(), np.float16).reshape(height, width, PACKED_IN)
+        fill.run_here(colour, weight / np.float32(255), depth, **{**options, "noise": noise}, network=True, with_depth=True)
+        here, picture, far = fill.packed.copy(), fill.shown.view(np.uint8), np.frombuffer(fill.depth.read(), np.float32).copy()
+        fill.run(*inputs, **options, network=buffer, with_depth=True)
+        packed = np.frombuffer(buffer.read(), np.float16).reshape(height, width, PACKED_IN).astype(np.float32)
+        few = FEW * packed[..., 0].size + 2
+        assert (np.abs(here - packed).max(-1) > CLOSE).sum() <= few
+        assert (np.abs(picture - np.frombuffer(fill.filled.read(alignment=1), np.uint8).astype(int)) > 1).sum() <= 4 * few
+        assert (np.abs(far / np.maximum(np.frombuffer(fill.depth.read(), np.float32), 1e-9) - 1)[far > 0] > 1e-4).sum() <= few
     finally:
         buffer.release()
-    return packed.astype(np.float32).transpose(2, 0, 1)
+    return packed.transpose(2, 0, 1)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 130), (97, 61), (255, 16), (400, 90), (47, 448), (513, 40)])
@@ -51,7 +60,7 @@ def test_any_mask_is_filled_and_closed_as_by_the_reference(context, seed, size, 
     rng = np.random.default_rng(seed)
     width, height = size
     programs = Programs(context)
-    fill = Fill(programs, size)
+    fill = CpuFill(programs, size)
     pose = look_at(np.zeros(3), rng.normal(size=3))
     camera = Camera(width, height, *rng.uniform(40, 60, 2), *(rng.uniform(0.2, 0.8, 2) * size), pose)
     held = rng.random((14, 9, 11)) < rng.choice([0.02, 0.3])
@@ -99,7 +108,7 @@ def test_surfaces_and_the_noise_level_are_filled_as_by_the_reference(context, se
     rng = np.random.default_rng(seed)
     width, height = size
     programs = Programs(context)
-    fill = Fill(programs, size)
+    fill = CpuFill(programs, size)
     camera = Camera(width, height, 50.0, 50.0, width / 2, height / 2, look_at(np.zeros(3), rng.normal(size=3)))
     around, made = Directions(np.zeros((6 * SIDE, SIDE), np.int8), None), []
     try:

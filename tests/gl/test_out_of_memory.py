@@ -11,7 +11,7 @@ from pointglass.viewer.grid.scene import CHUNK
 from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.device.device_failure import DeviceMemoryError
-from pointglass.viewer.render.passes.fill import Fill
+from pointglass.viewer.render.passes.fill_cpu import CpuFill
 from pointglass.viewer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -24,14 +24,14 @@ def test_a_network_without_memory_halves_the_points_and_the_picture_is_made(cont
     renderer = Renderer(context, scene)
     camera = camera_in(scene, 3)
     wanted = renderer.render(camera, Settings(view="filled")).image("filled").tobytes()
-    most, run = renderer.pages.nbytes // 2, Fill.run
+    most, run = renderer.pages.nbytes // 2, CpuFill.run_here
 
     def short(self, *arguments, **named):
         if renderer.pages.nbytes > most:
             raise DeviceMemoryError("the GPU has not enough memory left for the network")
         return run(self, *arguments, **named)
 
-    monkeypatch.setattr(Fill, "run", short)
+    monkeypatch.setattr(CpuFill, "run_here", short)
     frame = renderer.render(camera, Settings(view="filled"))
     assert frame.image("filled").tobytes() == wanted
     assert renderer.pages.nbytes <= most and frame.stats["points_gpu_budget"] <= most
@@ -47,7 +47,7 @@ def test_a_small_scan_has_nothing_to_give_back(context, monkeypatch):
     def short(self, *arguments, **named):
         raise DeviceMemoryError("the GPU has not enough memory left for the network")
 
-    monkeypatch.setattr(Fill, "run", short)
+    monkeypatch.setattr(CpuFill, "run_here", short)
     with pytest.raises(DeviceError, match="not enough memory") as raised:
         renderer.render(camera_in(scene, 3), Settings(view="filled"))
     assert raised.value.exit_code == 3

@@ -162,7 +162,7 @@ def test_the_depth_of_the_filled_picture_is_that_which_the_network_is_given(cont
         depth = np.frombuffer(frame.filled_depth.read(alignment=1), np.float32).reshape(90, 120)
         alpha, plain = frame.image("filled")[..., 3], frame.image("filled")
         renderer.render(camera, Settings(view="neural"))
-        packed = np.frombuffer(renderer._passes.neural.bridge.input.read(), np.float16).reshape(90, 120, 8)
+        packed = renderer._passes.neural.bridge.sent().copy()
         again = renderer.render(camera, Settings(view="filled"))
         assert np.array_equal(again.image("filled"), plain) and again.filled_depth is None
     finally:

@@ -29,8 +29,8 @@ from .deferred_network import NetworkRuns
 from .device.context import CONTEXT_LOST, LOST, describe_device
 from .device.device_failure import DeviceMemoryError
 from .device.shader import Programs
+from .filling import fill_in
 from .frame import Frame, FrameFacts, raster_facts
-from .passes.averaging import widening_of
 from .passes.filter import DepthFilter
 from .photographs.scene_photographs import ScenePhotographs
 from .raster.choose_raster import RASTERISERS as RASTERISERS
@@ -163,8 +163,10 @@ class Renderer:
                 if "network" in wanted:
                     network = self._neural_for(settings, background=defer_network or streaming)
                 photos = self.photographs.ready(camera, settings, edits, wait=not streaming)
-                textures["filled"] = self._fill_in(camera, settings, edits, rasteriser, depth, step.mask, network,
-                                                   with_depth=filled_depth or bool(photos))
+                textures["filled"] = fill_in(
+                    self._passes, stages, self.scene, frame, rasteriser, step, settings, edits, network,
+                    around=self._directions(camera, edits), software=self.device.software,
+                    with_depth=filled_depth or bool(photos))
                 frame.filled_depth = self._passes.fill_pass().depth if filled_depth else None
                 self._passes.add_photographs(frame, self.photographs, photos, network, stages)
                 if network is not None:
@@ -206,28 +208,6 @@ class Renderer:
         facts = raster_facts(rasteriser, draw, self.pages, self.scene, settings, opengl=self.device.renderer, weighted=weighted,
                              hides=hides)  # fmt: skip
         return rasteriser, facts
-
-    def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 depth: "moderngl.Texture", mask: "moderngl.Texture", network: "NeuralStage | None", *, with_depth: bool
-                 ) -> "moderngl.Texture":
-        """The filled view; also writes the input of ``network``, where one is given."""
-        stages, passes, fill = self._stages, self._passes, self._passes.fill_pass()
-        colour, weight = passes.fill_input(rasteriser, mask)
-        widened = widening_of(settings, edits, self.scene.noise)
-        noise = passes.noise_level(self.scene.noise) if network or widened else None
-        if noise:
-            given = rasteriser.colour, rasteriser.depth, rasteriser.weight, weight
-            with stages("noise"):
-                if widened:
-                    noise.run(*given, camera=camera, weighted=rasteriser.weighted, detail=1.0)
-                    weight = passes.averaged(weight, noise.level)
-                if network and not (widened and settings.detail == 1.0):
-                    noise.run(*given, camera=camera, weighted=rasteriser.weighted, detail=settings.detail)
-        with stages("fill"):
-            fill.run(colour, weight, depth, noise=noise.level if noise else None, widened=widened,
-                     camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
-                     network=network.bridge.input if network else None, with_depth=with_depth)  # fmt: skip
-        return fill.filled
 
     def finish_network(self, frame: Frame) -> bool:
         """Adds the neural view to a frame that was rendered with ``defer_network``, if its network has ended.

@@ -9,6 +9,7 @@ from ..common.errors import DeviceError, Option
 from .passes.averaging import Averaging
 from .passes.depth_ratios import ParallelDepth, middle_depth
 from .passes.fill import Fill
+from .passes.fill_cpu import CpuFill
 from .passes.filter import DepthFilter
 from .passes.filter_cpu import CpuDepthFilter
 from .passes.noise_level import NoiseLevel
@@ -97,8 +98,12 @@ class SizedPasses:
         self.confidence.run(rasteriser.colour, rasteriser.weight, mask)
         return self.confidence.toned, self.confidence.confidence
 
-    def fill_pass(self) -> Fill:
-        self.fill = self.fill or Fill(self.programs, self.size)
+    def fill_pass(self, *, here: bool = False) -> Fill:
+        """The fill; ``here``: by loops of the processor, CpuFill, which can also run the passes."""
+        if self.fill is None or (here and not isinstance(self.fill, CpuFill)):
+            if self.fill is not None:
+                self.fill.release()
+            self.fill = (CpuFill if here else Fill)(self.programs, self.size)
         return self.fill
 
     def add_photographs(self, frame: "Frame", photographs: "ScenePhotographs", numbers: list[int],

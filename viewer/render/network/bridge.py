@@ -78,26 +78,44 @@ class Bridge(Protocol):
 
 
 class ReadBackBridge:
-    """Copies through host memory: for machines without CUDA, and the reference the mapping is tested against."""
+    """Copies through host memory: for machines without CUDA, and the reference the mapping is tested against.
+
+    given: (H, W, PACKED_IN) float32, values of half floats, where the input was made in main memory; None: ``input`` holds it.
+    made: (H, W, PACKED_OUT) half floats, what the network made last; it is uploaded when ``output`` is asked for.
+    """
 
     kind = "read-back"
 
     def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
-        import torch
-
         self._context, self.size = context, size
         width, height = size
         self.input: moderngl.Buffer = context.buffer(reserve=2 * PACKED_IN * width * height)
-        self.output: moderngl.Buffer = context.buffer(reserve=2 * PACKED_OUT * width * height)
+        self._output: moderngl.Buffer = context.buffer(reserve=2 * PACKED_OUT * width * height)
         self._copied = context.texture(size, PACKED_OUT // 2, dtype="u4")
         self._host = np.empty((height, width, PACKED_IN), np.float16)
-        self._torch = torch.from_numpy(self._host)
+        self.given: np.ndarray | None = None
+        self.made = np.zeros((height, width, PACKED_OUT), np.float16)
+        self._uploaded: np.ndarray | None = self.made
 
-    def run(self, network: Network) -> None:
+    def sent(self) -> np.ndarray:
+        """(H, W, PACKED_IN), what the network is given: values of half floats; overwritten by the next picture."""
+        if self.given is not None:
+            return self.given
         self._context.memory_barrier()
         self.input.read_into(self._host)
-        made = network(self._torch.to(network.device))
-        self.output.write(np.ascontiguousarray(made.cpu().numpy()))
+        return self._host
+
+    def run(self, network: Network) -> None:
+        import torch
+
+        self.made = run_on_host(network, torch.from_numpy(self.sent()))
+
+    @property
+    def output(self) -> "moderngl.Buffer":
+        if self._uploaded is not self.made:
+            self._output.write(self.made)
+            self._uploaded = self.made
+        return self._output
 
     def output_texture(self) -> "moderngl.Texture":
         """The output, two half floats in each of two words a pixel.  For the shader that shows it: software OpenGL reads a
@@ -106,8 +124,15 @@ class ReadBackBridge:
         return self._copied
 
     def release(self) -> None:
-        for owned in (self.input, self.output, self._copied):
+        for owned in (self.input, self._output, self._copied):
             owned.release()
+
+
+def run_on_host(network: Network, packed: "torch.Tensor") -> np.ndarray:
+    """(H, W, PACKED_OUT) half of a network and its input in main memory, half or float32."""
+    if network.device != "cpu":
+        packed = packed.to(network.device).half()
+    return np.ascontiguousarray(network(packed).cpu().numpy())
 
 
 def works(programs: "Programs", bridge: Bridge, device: str = "cpu") -> bool:

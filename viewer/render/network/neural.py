@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from ....model.common.process.processors import in_rows
 from ....model.network.engines import ENGINES, Runner
 from ....model.network.levels import LEVELS
-from ....model.network.network_layout import PACKED_IN
 from ....model.network.reconstruct import Reconstructor, cuda_problem
 from ....model.network.weights import WeightsError
 from ...common.errors import DeviceError, DeviceLostError, InputError, Option
@@ -23,11 +23,13 @@ from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
 from ..device.egl import current_cuda_number
 from ..device.match_device import on_same_device, use_matching_device
+from ..passes.fill_cpu import CpuFill
 from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, OverNetwork, PhotoColours
 from .background_capture import BackgroundRunner
-from .bridge import Network, ReadBackBridge
+from .bridge import Network, ReadBackBridge, run_on_host
 from .choose_bridge import make_bridge
 from .network_thread import NetworkThread
+from .present_loops import present_rows
 
 if TYPE_CHECKING:
     import moderngl
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
 
+_LEAST_ROWS = 32
+"""Fewest rows of a thread, when a picture is made of the network's output."""
 _FAILED = ("failed",)
 """The key of a stage that is not to be used again."""
 _networks: dict[tuple[str, bool, str | None, str, str, int | None], Reconstructor] = {}
@@ -108,6 +112,7 @@ class NeuralStage:
         self._counted: moderngl.Texture | None = None  # R8: how much of ``picture`` is from photographs
         self._counts = False
         self._contradictions: OverNetwork | None = None
+        self._shown: np.ndarray | None = None  # of CpuFill, which made the input
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
         try:
@@ -182,6 +187,12 @@ class NeuralStage:
         """Whether :meth:`start` can be used: pixels go through host memory.  With a mapped buffer the host never waits."""
         return isinstance(self.bridge, ReadBackBridge)
 
+    def give(self, fill: CpuFill | None) -> None:
+        """Says that the input of the next picture is in main memory; None: in the bridge's ``input``."""
+        self._shown = None if fill is None else fill.shown
+        if isinstance(self.bridge, ReadBackBridge):
+            self.bridge.given = None if fill is None else fill.packed
+
     def start(self, serial: int, wake: Callable[[], None], *, keep: bool = False) -> None:
         """Reads back the fill pass's output and starts the network on its own thread.
 
@@ -192,18 +203,13 @@ class NeuralStage:
             self._kept = self._kept or KeptPhotographs(self.context, self.photographs)
             self._kept.take(self.photographs)
         assert isinstance(self.bridge, ReadBackBridge)
-        width, height = self.picture.size
-        self.context.memory_barrier()
-        packed = np.empty((height, width, PACKED_IN), np.float16)
-        self.bridge.input.read_into(packed)
-        run = self._run
+        packed, run = self.bridge.sent().copy(), self._run
 
         def work() -> np.ndarray:
             import torch
 
             with self._on_device():
-                made = run(torch.from_numpy(packed).to(run.device))
-                return np.ascontiguousarray(made.cpu().numpy())
+                return run_on_host(run, torch.from_numpy(packed))
 
         self._thread.start(serial, work, wake)
 
@@ -236,7 +242,8 @@ class NeuralStage:
             return None
         if done.error is not None:
             self._fail(done.error)
-        self.bridge.output.write(done.made)
+        assert isinstance(self.bridge, ReadBackBridge) and done.made is not None
+        self.bridge.made = done.made
         return done.milliseconds
 
     @property
@@ -264,14 +271,22 @@ class NeuralStage:
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha, and over them the photographs."""
         unpack, outputs, bridge = self._unpack, [self.picture], self.bridge
+        self._counts = self.photographs is not None
+        if self._shown is not None and isinstance(bridge, ReadBackBridge) and self.photographs is None:
+            return self._present_here(bridge, self._shown)
         inputs: dict[str, moderngl.Texture] = {"copied": bridge.output_texture()} if isinstance(bridge, ReadBackBridge) else {}
         buffers = {} if inputs else {"NETWORK": bridge.output}
-        self._counts = self.photographs is not None
         if self.photographs is not None:
             self._counted = self._counted or self.context.texture(self.picture.size, 1, dtype="f1", alignment=1)
             unpack, outputs = self._pass(bounded=True, photographs=True), [*outputs, self._counted]
             inputs |= self._over(self.photographs, inputs, buffers)
         unpack.run(*outputs, inputs={**inputs, "filled": filled}, buffers=buffers)
+
+    def _present_here(self, bridge: ReadBackBridge, shown: np.ndarray) -> None:
+        """The same in compiled loops.  shown: of CpuFill."""
+        (width, height), made = self.picture.size, np.empty(len(shown), np.uint32)
+        in_rows(height, _LEAST_ROWS, present_rows, bridge.made.reshape(-1).view(np.uint16), shown, width, made)
+        self.picture.write(made)
 
     @property
     def photo_share(self) -> "moderngl.Texture | None":

@@ -31,8 +31,8 @@ _NO_FLOATS = np.empty(0, np.float32)
 class CpuFill(Fill):
     """Owns the planes of one picture size, besides Fill's textures.
 
-    shown: (P,) uint32 RGBA8, the filled picture.  packed: (H, W, PACKED_IN) float32, the network's input in values of half floats, of
-    the last picture for which it was asked.
+    shown: (P,) uint32 RGBA8, the filled picture.  packed: (H, W, PACKED_IN) float32, the network's input of the last picture
+    for which it was asked, values of half floats.
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
@@ -80,8 +80,11 @@ class CpuFill(Fill):
     def _around(self, camera: "Camera", around: Directions, view: int | None) -> Around:
         tested = view not in (CLOSED, SEALED)
         holes = self._hole_test.holes
-        cells = np.frombuffer(holes.read(), np.uint32).reshape(holes.height, holes.width, 4) if tested else _NO_HOLES
-        return Around(-1 if view is None else view, around.closed, np.asarray(camera.view_rotation, np.float32),
+        cells = np.empty((holes.height, holes.width, 4) if tested else (0, 0, 4), np.uint32)
+        if tested:
+            holes.read_into(cells)
+        return Around(-1 if view is None else view, np.array(around.closed, np.int8, order="C"),  # one kind of array for numba
+                      np.ascontiguousarray(camera.view_rotation, np.float32),
                       np.array([camera.fx, camera.fy, camera.cx, camera.cy], np.float32), cells)
 
     def _write(self, given: Measured, pyramid: Pyramid, around: Around, *, network: bool, with_depth: bool) -> None:
@@ -97,6 +100,3 @@ class CpuFill(Fill):
         self.filled.write(self.shown)
         if with_depth and self.depth is not None:
             self.depth.write(self._depths)
-
-
-_NO_HOLES = np.empty((0, 0, 4), np.uint32)

@@ -13,7 +13,7 @@ import numpy as np
 from ....model.common.jit import compiled
 from ....model.network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from ....model.reference.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START
-from .gl_logarithms import log2_row
+from ..device.gl_logarithms import log2_row
 
 FEATURE, WEIGHT, NOISE, PLANES = 3, 4, 5, 6
 _F, _U = np.float32, np.uint32

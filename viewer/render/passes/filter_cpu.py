@@ -83,7 +83,8 @@ def filter_picture(pyramid: list[FilterLevel], depths: np.ndarray, colours: np.n
 
 
 class CpuDepthFilter:
-    """Owns the planes of one picture size.  ``run`` fills ``mask`` (R8) and ``filtered`` (RGBA8)."""
+    """Owns the planes of one picture size.  ``run`` fills ``mask`` (R8), ``kept``, (P,) uint8, with the same,
+    and ``filtered`` (RGBA8)."""
 
     preset = "auto"
 
@@ -92,13 +93,13 @@ class CpuDepthFilter:
         self.levels = constants.LEVELS["auto"] if levels is None else levels
         self.mask, self.filtered = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
         self._pyramid = filter_pyramid(size, self.levels)
-        self._kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
+        self.kept, self._shown = np.empty(size[0] * size[1], np.uint8), np.empty(size[0] * size[1], np.uint32)
 
     def run(self, rasteriser: "CpuRasteriser", depths: np.ndarray, *, strength: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  depths: (H * W,) float32, the rasteriser's, or what stands for them.  strength:
         multiplies the tolerance."""
-        filter_picture(self._pyramid, depths, rasteriser.colours, self._kept, self._shown, strength=strength)
-        self.mask.write(self._kept)
+        filter_picture(self._pyramid, depths, rasteriser.colours, self.kept, self._shown, strength=strength)
+        self.mask.write(self.kept)
         self.filtered.write(self._shown)
 
     def release(self) -> None:

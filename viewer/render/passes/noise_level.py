@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.appearance.noise import KNOTS, LUMA
+from ....model.common.process.processors import in_rows
 from ....model.network.network_layout import NOISE_SCALE, TYPICAL_WEIGHT
 from ..device.compute_pass import Pass
+from .noise_loops import Lattice, noise_rows
 
 if TYPE_CHECKING:
     import moderngl
@@ -26,14 +28,20 @@ def noise_scale(detail: float) -> float:
     return NOISE_SCALE * (2.0 - detail)
 
 
+_LEAST_ROWS = 16
+"""Fewest rows of a thread."""
+
+
 class NoiseLevel:
-    """Owns the scan's noise on the GPU and the target of one picture size; ``run`` fills ``level`` (R16F)."""
+    """Owns the scan's noise on the GPU and the target of one picture size; ``run`` fills ``level`` (R16F), ``run_here`` fills
+    ``levels``, (P,) float32, in compiled loops with the same values."""
 
     def __init__(self, programs: "Programs", size: tuple[int, int], noise: "NoiseModel"):
         context = programs.context
         self.noise = noise
         self.level = context.texture(size, 1, dtype="f2")
-        sigma = np.ascontiguousarray(noise.sigma, "<f4")
+        self.levels = np.empty(0, np.float32)
+        self._lattice = sigma = np.array(noise.sigma, "<f4", order="C")
         self._sigma = context.texture3d(sigma.shape[::-1], 1, sigma.tobytes(), dtype="f4")
         self._pass = Pass(
             programs, "noise level", "noise_level.comp", outputs=("level",), inputs=("raw", "depth", "weight", "mask", "sigma"),
@@ -52,6 +60,21 @@ class NoiseLevel:
             to_lattice=tuple((camera.view_rotation / voxel).ravel()),  # rows of world -> view: columns of view -> world
             eye=tuple((np.asarray(camera.position, np.float64) - self.noise.origin) / voxel),
             scale=noise_scale(detail), point_weight=TYPICAL_WEIGHT if weighted else 1.0)
+
+    def run_here(self, colours: np.ndarray, depths: np.ndarray, points: np.ndarray, weights: np.ndarray, *, camera: "Camera",
+                 weighted: bool, detail: float) -> np.ndarray:
+        """As :meth:`run`, from the arrays of the processor's rasteriser; weights (P,) float32.  Returns ``levels``."""
+        (width, height), voxel = self.level.size, self.noise.voxel
+        if not len(self.levels):
+            self.levels = np.empty(width * height, np.float32)
+        eye = (np.asarray(camera.position, np.float64) - self.noise.origin) / voxel
+        lens, curve = (camera.fx, camera.fy, camera.cx, camera.cy), np.array(self.noise.curve, np.float32)
+        lattice = Lattice(self._lattice, curve, np.array(lens, np.float32),
+                          np.ascontiguousarray(camera.view_rotation / voxel, np.float32),
+                          eye.astype(np.float32), np.asarray(LUMA, np.float32), np.float32(camera.orthographic or 0.0),
+                          np.float32(noise_scale(detail)), np.float32(TYPICAL_WEIGHT if weighted else 1.0))
+        in_rows(height, _LEAST_ROWS, noise_rows, colours, depths, points, weights, lattice, width, self.levels)
+        return self.levels
 
     def release(self) -> None:
         self.level.release()

@@ -56,7 +56,8 @@ def mapped(buffer: "moderngl.Buffer") -> Iterator[np.ndarray]:
 class CpuRasteriser(Rasteriser):
     """Owns arrays for one picture size, 37 bytes a pixel, of which 16 are used only where sums overflow.
 
-    colours: (H * W,) uint32 RGBA8, and depths: (H * W,) float32, of the last picture, as in the textures.
+    colours: (H * W,) uint32 RGBA8, depths: (H * W,) float32, and weights: (H * W,) uint8, of the last picture, as in the
+    textures.
     """
 
     kind = "cpu"
@@ -69,7 +70,7 @@ class CpuRasteriser(Rasteriser):
         self._sums = self._cleared()
         self._clean = True
         self.colours, self.depths = np.empty(pixels, np.uint32), np.empty(pixels, np.float32)
-        self._weights = np.empty(pixels, np.uint8)
+        self.weights = np.empty(pixels, np.uint8)
 
     def _cleared(self) -> Sums:
         pixels = self.size[0] * self.size[1]
@@ -96,11 +97,11 @@ class CpuRasteriser(Rasteriser):
                 self._bring(pages, draw, part)
                 self._draw(pages, draw, loop, more)
         everywhere(resolve_pixels, sums, np.zeros(1, np.int64), width, to_srgb, self.colours, self.depths.view(np.uint32),
-                   self._weights)  # fmt: skip
+                   self.weights)  # fmt: skip
         sums.carried[0], self._clean = 0, True
         self.colour.write(self.colours)
         self.depth.write(self.depths)
-        self.weight.write(self._weights)
+        self.weight.write(self.weights)
         return False
 
     def _draw(self, pages: "PointPages", draw: DrawList, loop, arguments: tuple) -> None:

@@ -1,5 +1,5 @@
-"""log2 and exp2 as software OpenGL (llvmpipe) computes them, of rows of float32, in compiled loops: polynomials whose error is 1e-6,
-without calls of the C library, which are not vectorised.
+"""log2 and exp2 of rows of float32 in compiled loops, as software OpenGL (llvmpipe) computes them: polynomials with an error of
+1e-6.  Calls of the C library would not be vectorised.
 """
 
 import numpy as np
