@@ -20,7 +20,7 @@ from .point_loops import dropped, point_weight, recoloured
 _F, _U, _W = np.float32, np.uint32, np.uint64
 _TAKEN = 32
 """Batches, or rows of pixels, that a thread takes at a time: neighbours in the picture stay with one thread."""
-_FIELD = _W(0xFFFF)
+_FIELD, _CARRIES = _W(0xFFFF), _W(0x0001000100010000)
 _EMPTY = _U(0x7F800000)  # +inf
 
 
@@ -170,6 +170,9 @@ def _add(made, at, red, green, blue, weight):
     """Adds to the four sums of a pixel with one atomic operation.  Each addend is below 2^16."""
     more = red | green << _W(16) | blue << _W(32) | weight << _W(48)
     before = atomic_add(made.sums, at, more)
+    after = before + more
+    if (before ^ more ^ after) & _CARRIES == _W(0) and after >= before:  # nothing carried out of any field
+        return
     over = (before & _FIELD) + red >> _W(16)
     if over:
         atomic_add(made.carries, 4 * at, _U(1))
@@ -187,43 +190,67 @@ def _add(made, at, red, green, blue, weight):
 
 
 @compiled(nogil=True)
+def _resolve_row(words, to_srgb, means, colour, weight):
+    """Pixels of which no sum overflowed.  words: (2 n,) uint32, red and green, blue and weight, which are zero afterwards.
+    means: scratch, (3, n) int32.  colour, weight: as below."""
+    red, green, blue = means[0], means[1], means[2]
+    for x in range(len(colour)):
+        low, high = words[2 * x], words[2 * x + 1]
+        count = high >> _U(16)
+        # A mean rounded half up, of whole numbers below 2^17: with another half float32 cannot err across a whole number.
+        # It is vectorised, and divisions of integers are not.
+        half, by = _F(np.int32(count >> _U(1))) + _F(0.5), _F(max(np.int32(count), np.int32(1)))
+        red[x] = np.int32((_F(np.int32(low & _U(0xFFFF))) + half) / by)
+        green[x] = np.int32((_F(np.int32(low >> _U(16))) + half) / by)
+        blue[x] = np.int32((_F(np.int32(high & _U(0xFFFF))) + half) / by)
+    for x in range(len(colour)):
+        count = words[2 * x + 1] >> _U(16)
+        shown = _U(to_srgb[red[x]]) | _U(to_srgb[green[x]]) << _U(8) | _U(to_srgb[blue[x]]) << _U(16) | _U(0xFF000000)
+        colour[x] = shown if count > _U(0) else _U(0)
+        weight[x] = min(count, _U(MAX_AVERAGED))
+    words[:] = _U(0)
+
+
+@compiled(nogil=True)
+def _resolve_carried(made, start, stop, to_srgb, colour, weight):
+    """Pixels ``start`` to ``stop``, of which some sums overflowed."""
+    for at in range(start, stop):
+        word, over = made.sums[at], made.carries[4 * at : 4 * at + 4]
+        red, green, blue, count = word & _FIELD, word >> _W(16) & _FIELD, word >> _W(32) & _FIELD, word >> _W(48)
+        count = (count | _W(over[3]) << _W(16)) - _W(over[2])
+        blue = (blue | _W(over[2]) << _W(16)) - _W(over[1])
+        green = (green | _W(over[1]) << _W(16)) - _W(over[0])
+        red |= _W(over[0]) << _W(16)
+        over[:] = 0
+        made.sums[at] = 0
+        weight[at] = min(count, _W(MAX_AVERAGED))
+        if count == 0:
+            colour[at] = 0
+            continue
+        half = count >> _W(1)  # rounded half up
+        red, green, blue = (red + half) // count, (green + half) // count, (blue + half) // count
+        colour[at] = _U(to_srgb[red]) | _U(to_srgb[green]) << _U(8) | _U(to_srgb[blue]) << _U(16) | _U(0xFF000000)
+
+
+@compiled(nogil=True)
 def resolve_pixels(made, taken, width, to_srgb, colour, depth, weight):
     """The raw picture from sums and keys, which are zero afterwards, as are the carries.
 
     taken: (1,) int64 counter, 0 before.  to_srgb: (4096,) uint8.  colour: (P,) uint32 RGBA8.  depth: (P,) uint32, bits of
     float32 view-space z, +inf where empty.  weight: (P,) uint8.
     """
-    carried = made.carried[0] > 0
+    words, means = made.sums.view(np.uint32), np.empty((3, width), np.int32)
     while True:
         first = _TAKEN * width * atomic_add(taken, 0, 1)
         if first >= len(colour):
             return
-        for at in range(first, min(first + _TAKEN * width, len(colour))):
-            key, word = made.keys[at], made.sums[at]
-            depth[at] = ~key if key > 0 else _EMPTY
-            if word == 0 and not carried:
-                made.keys[at], colour[at], weight[at] = 0, 0, 0
-                continue
-            made.keys[at], made.sums[at] = 0, 0
-            red, green, blue, count = word & _FIELD, word >> _W(16) & _FIELD, word >> _W(32) & _FIELD, word >> _W(48)
-            if carried:
-                over = made.carries[4 * at : 4 * at + 4]
-                count = (count | _W(over[3]) << _W(16)) - _W(over[2])
-                blue = (blue | _W(over[2]) << _W(16)) - _W(over[1])
-                green = (green | _W(over[1]) << _W(16)) - _W(over[0])
-                red |= _W(over[0]) << _W(16)
-                over[:] = 0
-                if count == 0:
-                    colour[at], weight[at] = 0, 0
-                    continue
-            if count > 1:
-                half = count >> _W(1)  # rounded half up
-                if carried:
-                    red, green, blue = (red + half) // count, (green + half) // count, (blue + half) // count
-                else:  # division of 32 bits takes less than half the time
-                    small, part = _U(count), _U(half)
-                    red = _W((_U(red) + part) // small)
-                    green = _W((_U(green) + part) // small)
-                    blue = _W((_U(blue) + part) // small)
-            colour[at] = _U(to_srgb[red]) | _U(to_srgb[green]) << _U(8) | _U(to_srgb[blue]) << _U(16) | _U(0xFF000000)
-            weight[at] = min(count, _W(MAX_AVERAGED))
+        for start in range(first, min(first + _TAKEN * width, len(colour)), width):
+            stop = start + width
+            keys, far = made.keys[start:stop], depth[start:stop]
+            for x in range(width):
+                far[x] = ~keys[x] if keys[x] > _U(0) else _EMPTY
+            keys[:] = _U(0)
+            if made.carried[0] > 0:
+                _resolve_carried(made, start, stop, to_srgb, colour, weight)
+            else:
+                _resolve_row(words[2 * start : 2 * stop], to_srgb, means, colour[start:stop], weight[start:stop])
