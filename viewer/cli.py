@@ -20,6 +20,7 @@ from ..model.common.loop_cache import NOTICE
 from .command_table import COMMANDS, make_parser
 from .commands.neural_setup import check_weights
 from .commands.options import memory_of, settings_of
+from .commands.photo_option import check_photographs
 from .commands.workers_option import own_cache, workers_of
 from .common.command_log import logging_to
 from .common.errors import InputError
@@ -48,9 +49,10 @@ def _view(options: argparse.Namespace) -> int:
         from .readers.remote.fetch import fetch_ahead
 
         fetch_ahead(options.scans[0])
+    check_photographs(settings := settings_of(options))  # likewise before a window opens
     from .window.shell.run_window import run
 
-    return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
+    return run(options.scans, settings, cache=not options.no_cache, match=options.exposures == "matched",
                memory=memory_of(options), columns=options.columns, started=_end_of_start)
 
 

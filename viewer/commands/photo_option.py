@@ -44,6 +44,14 @@ def photographs_of_folder(settings: "Settings") -> "Photographs | None":
     return photographs_in(folder)
 
 
+def check_photographs(settings: "Settings") -> None:
+    """Raises InputError where the settings name a folder that holds no photographs."""
+    from ..work.pictures.photo_folder import photographs_in, without_cameras
+
+    if settings.photos not in ("auto", "off") and not without_cameras(folder := Path(settings.photos)):
+        photographs_in(folder)
+
+
 def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "Photographs | None") -> None:
     """Has a renderer use them.  Raises InputError where none of a folder without cameras is found in the scan."""
     if isinstance(photographs, UnplacedFolder):

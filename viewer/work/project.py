@@ -192,6 +192,8 @@ def with_paths(document: Document, change: typing.Callable[[str], str]) -> Docum
     settings = document.settings
     if settings.weights is not None:
         settings = dataclasses.replace(settings, weights=change(settings.weights))
+    if settings.photos not in ("auto", "off"):
+        settings = dataclasses.replace(settings, photos=change(settings.photos))
     notes = tuple(dataclasses.replace(note, picture=change(note.picture)) if note.picture else note
                   for note in document.annotations)
     meshes = tuple(dataclasses.replace(layer, path=change(layer.path)) for layer in document.meshes)

@@ -3,12 +3,14 @@
 import hashlib
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 from documents import random_document
 
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.moved_scans import MissingScans, difference
 from pointglass.viewer.work.project import VERSION, places_in, read_project, scans_of, write_project
@@ -29,9 +31,11 @@ def test_paths_follow_a_project_moved_with_its_scans(tmp_path):
     (old / "scans").mkdir()
     (old / "scans" / "a.laz").touch()
     scans = ScanFile(str(old / "scans" / "a.laz")), ScanFile("/far/away/b.laz")
-    write_project(old / "work" / "p.pointglass", Document(scans))
+    write_project(old / "work" / "p.pointglass", Document(scans, settings=Settings(photos=str(old / "taken"))))
     shutil.move(old, tmp_path / "new")
-    near, far = read_project(tmp_path / "new" / "work" / "p.pointglass").scans
+    read = read_project(tmp_path / "new" / "work" / "p.pointglass")
+    near, far = read.scans
+    assert Path(read.settings.photos).resolve() == tmp_path / "new" / "taken"
     assert (tmp_path / "new" / "scans" / "a.laz").samefile(near.path)
     assert far.path == "/far/away/b.laz"
 

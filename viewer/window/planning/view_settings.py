@@ -9,15 +9,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...common.errors import InputError
 from ...common.paths import own_weights
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
 from ..kit.notices import Notices
 from ..kit.worker import Worker
+from .folder_photographs import PhotoFolder
 from .networks import network_key, smaller_networks
 from .picture_plan import RefinementState
 
 if TYPE_CHECKING:
+    from ...render.renderer import Renderer
     from ...work.document import Document
 
 
@@ -26,6 +29,7 @@ class ViewSettings:
     split: whether views are compared, ``left`` at the left of ``split_at`` (0 to 1 of the width).
     two_dates: whether the sides show two dates, and may have one view.
     background: what is laid behind the picture, a key of viewer.picture.background.COLOURS.
+    photo_folder: of photographs, that the settings name or named.
     own_weights: name -> file of the user's own weights.  network_load: the load under way.
 
     picture: marked as out of date by changes.  load_network, wake: replaceable in tests.
@@ -47,6 +51,7 @@ class ViewSettings:
         self.split, self.split_at, self.left = False, 0.5, "raw"
         self.two_dates = False
         self.background = "plain"
+        self.photo_folder = PhotoFolder()
         self._right = "filled"
         self._put_aside: str | None = None  # the view before points were coloured by attribute
         self._left_wanted: str | None = None
@@ -98,6 +103,20 @@ class ViewSettings:
         if document.view is not None:
             self.request(document.settings)
             self.background = document.background
+
+    def give_photographs(self, renderer: "Renderer") -> None:
+        """Has a renderer use the folder of photographs that the settings name.  Where it cannot be read, a message says why,
+        and the settings go on without it."""
+        try:
+            self.photo_folder.give(renderer, self.settings.photos)
+        except InputError as error:
+            self._notices.say("Photographs are left out", error)
+            self.settings = replace(self.settings, photos="auto")
+            self.wanted = self.wanted and replace(self.wanted, photos="auto")
+
+    def show_photographs(self, on: bool) -> None:
+        """Colours surfaces by photographs, of the folder that was named or else of the scan, or not."""
+        self.request(replace(self.shown_settings, photos=(self.photo_folder.name or "auto") if on else "off"))
 
     def show_points(self) -> None:
         """Chooses a view that colours points by attribute; :meth:`show_colours` comes back to the present one."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from ...work.ghosts import prepared
 from ...work.pictures.shot_metadata import KEY, Shot, cannot_repeat
 from ..kit.worker import BESIDE, Worker
+from ..planning.folder_photographs import give_folder
 from .capture import save_png
 from .over_picture import OverPicture
 
@@ -50,6 +51,7 @@ class StillJob:
         try:
             renderer = Renderer(context, prepared(self.scene, spec.edits.ghosts))
             try:
+                give_folder(renderer, spec.settings.photos)
                 if self.panorama is None:
                     picture = self.over.drawn(picture_of(renderer, spec), spec.camera)
                     save_png(self.out, picture, {KEY: self.shot.drawn_with(renderer.choice.timed).text()})

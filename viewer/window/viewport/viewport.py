@@ -162,6 +162,7 @@ class Viewport:
         session, renderer = self._session, self.renderer
         if renderer is None:
             return
+        session.view_settings.give_photographs(renderer)
         session.picture.contended = self.shares_processors and renderer.network_busy and not renderer.keeps_network
         plan, spec = session.screen.plan, session.spec
         try:
@@ -177,10 +178,9 @@ class Viewport:
         # beside a network: its time says nothing of pictures that have the processors to themselves
         self._report(replace(plan, contended=True) if renderer.keeps_network else plan, frame)
         self._points.look(frame, moving=plan.moving)
-        if (problem := renderer.pages.problem) != self._problem:
-            self._problem = problem
-            if problem:
-                session.notices.say("A part of this scan cannot be read", problem)
+        before, self._problem = self._problem, renderer.pages.problem
+        if self._problem and self._problem != before:
+            session.notices.say("A part of this scan cannot be read", self._problem)
 
     def _frame_of(self, renderer: "Renderer", spec: "PictureSpec", plan: "Plan") -> "Frame":
         """The picture as planned; of two dates that of the right one."""

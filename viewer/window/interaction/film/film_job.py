@@ -13,6 +13,7 @@ from ....picture.settings import Settings
 from ....work.ghosts import prepared
 from ....work.pictures.film_titles import NO_TITLES, FilmTitles
 from ...kit.worker import BESIDE, Worker
+from ...planning.folder_photographs import give_folder
 from ...saving.capture import name_kept, unwritable
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class FilmJob:
             scene = prepared(scene, self.edits.ghosts)
             renderer = Renderer(context, scene)
             try:
+                give_folder(renderer, self.settings.photos)
                 return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
                             supersample=self.supersample, background=self.background, edits=self.edits, resume=True,
                             titles=self.titles)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ....commands.photo_option import use_photographs
 from ....commands.publishing.command import second_view
 from ....commands.publishing.own_files import check_folder
 from ....commands.publishing.place_choice import PLANNED
@@ -15,6 +14,7 @@ from ....commands.publishing.publication import Form, Publication
 from ....common.errors import PointglassError
 from ....common.text import bytes_text, counted, left_text
 from ...kit.worker import BESIDE, Worker
+from ...planning.folder_photographs import give_folder
 from ..editing import end, ended
 from .publish_plan import PLACE_BYTES, PublishPlan, planned
 
@@ -191,7 +191,7 @@ def written(job: Publication) -> str:
     try:
         renderer, composer = Renderer(context, prepared(job.scene, job.document.ghosts)), Composer(context)
         try:
-            use_photographs(renderer, job.settings)
+            give_folder(renderer, job.settings.photos)
             _, size = job.write(renderer, composer, problems.append)
         finally:
             composer.release()

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....commands.photo_option import use_photographs
 from ....commands.publishing.cube_faces import face_cameras
 from ....commands.publishing.face_margins import with_margin
 from ....commands.publishing.places import Place, chosen_places
@@ -14,6 +13,7 @@ from ....commands.publishing.scene_data import EYE, plans_of
 from ....work.ghosts import prepared
 from ....work.pictures.drawn_over import letters
 from ....work.places.up_axis import upright_axes
+from ...planning.folder_photographs import give_folder
 
 if TYPE_CHECKING:
     from ....grid.scene import Scene
@@ -88,7 +88,7 @@ def _seconds(scene: "Scene", document: "Document", settings: "Settings", place: 
     try:
         renderer = Renderer(context, prepared(scene, document.ghosts))
         try:
-            use_photographs(renderer, settings)
+            give_folder(renderer, settings.photos)
             start = perf_counter()
             for camera in face_cameras(place.position, _TRIED, document.up)[:2]:
                 start = perf_counter()

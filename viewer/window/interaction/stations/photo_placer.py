@@ -11,7 +11,7 @@ from weakref import ref
 from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, of_file, of_scan, told
 from ....common.errors import InputError
 from ....common.text import counted
-from ....picture.photographs.placed_photograph import PlacedPhotograph
+from ....picture.photographs.placed_photograph import MOST_PLACED, PlacedPhotograph
 from ....readers.e57.e57_pictures import StoredPicture
 from ....readers.photographs.placed_photographs import posed
 from ....readers.photographs.posed_photograph import PosedPhotograph
@@ -59,6 +59,21 @@ class PhotoPlacer:
         """Asks for photographs, and searches them."""
         context.files.open("photographs", "Find where photographs were taken", {"Photographs": PHOTO_ENDINGS},
                            lambda files: self.search(context, lambda: [of_file(Path(file)) for file in files]), many=True)
+
+    def search_folder(self, context: ToolContext) -> None:
+        """Searches the photographs of a folder without cameras that the settings name, once the scan is complete; but those
+        that the document has."""
+        session = context.session
+        folder = session.view_settings.photo_folder
+        if not folder.unplaced or session.shown_scan.preview or session.loads.current is not None or self.worker is not None:
+            return
+        known = {Path(photo.path).absolute() for photo in context.document.photographs}
+        wanted = [path for path in folder.take_unplaced() if path not in known]
+        room = MOST_PLACED - len(known)
+        if len(wanted) > room:
+            context.toast(f"Of {counted(len(wanted), 'photograph')} {room} are searched: a project holds {MOST_PLACED}")
+        if wanted[:room]:
+            self.search(context, lambda: [of_file(path) for path in wanted[:room]])
 
     def follow(self, context: ToolContext) -> None:
         """Takes the result of a search that has ended."""

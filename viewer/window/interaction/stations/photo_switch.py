@@ -1,6 +1,5 @@
 """The switch in the panel of stations that has photographs colour surfaces from any viewpoint."""
 
-from dataclasses import replace
 from typing import Any
 
 from ...kit.widgets import tooltip_beside
@@ -12,7 +11,7 @@ def coloured_surfaces(ui: Any, context: ToolContext) -> None:
     chosen = context.session.view_settings
     changed, on = ui.checkbox("Colour by photographs", chosen.shown_settings.photos != "off")
     if changed:
-        chosen.request(replace(chosen.shown_settings, photos="auto" if on else "off"))
+        chosen.show_photographs(on)
     if ui.is_item_hovered():
         tooltip_beside(ui, "in the filled and neural views, where photographs are finer than the points")
 

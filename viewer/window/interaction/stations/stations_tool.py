@@ -105,6 +105,7 @@ class Stations(Tool):
             self._follow(context)
         self.ghosts.follow(context)
         self.viewer.follow()
+        self.placer.search_folder(context)
         self.placer.follow(context)
 
     @property
@@ -134,8 +135,9 @@ class Stations(Tool):
         """Reads the photographs of the scan shown, once, on a thread of its own."""
         shown, meta = context.session.shown_scan, context.session.facts
         moves = moves_at([Path(file) for file in meta.sources], meta.records.moves if meta.records is not None else ())
-        if self._of != (shown.paths, shown.preview, moves):
-            self._of, self.photos, self.warnings, self._read = (shown.paths, shown.preview, moves), [], [], None
+        folder = context.session.view_settings.photo_folder
+        if self._of != (of := (shown.paths, shown.preview, moves, folder.name)):
+            self._of, self.photos, self.warnings, self._read = of, [*folder.photographs], [], None
             self.pictures, self.stored, context.session.work.photo = [], {}, None
             self.viewer.close_picture()
             files = [Path(path) for path in context.session.shown_scan.paths if Path(path).suffix.lower() == ".e57"]
