@@ -47,7 +47,8 @@ def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
                 pool.put(8, prepared[8], keep=frozenset(range(7)))
                 numbers = [number for number in range(9) if number in pool]
                 textures[0].write(filled.tobytes())
-            _, _, told, blocks = photographed(filled, depth, measured, camera, pool, numbers)
+            expected = photographed(filled, depth, measured, camera, pool, numbers)
+            told, blocks = expected.colours, expected.grid
             step.run(*textures, camera, resident, numbers)
             made, own = (np.frombuffer(textures[k].read(), np.uint8).reshape(filled.shape).astype(int) for k in (0, 2))
             share = np.frombuffer(textures[1].read(alignment=1), np.uint8).reshape(height, width)

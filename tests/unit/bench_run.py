@@ -23,7 +23,7 @@ def run(*arguments) -> int:
 
 def made_by(kind: str, folder, *arguments) -> dict:
     """The JSON of one bench on a tiny scan at 64x48; its plot is a picture."""
-    scan = [] if kind in ("scale", "grid", "raster", "cull") else ["--procedural", "20k", "--rooms", "1"]
+    scan = [] if kind in ("scale", "grid", "raster", "cull", "photographs") else ["--procedural", "20k", "--rooms", "1"]
     json_file, plot = folder / f"{kind}.json", folder / f"{kind}.png"
     assert run("bench", kind, *scan, "--size", "64x48", "--json", json_file, "--plot", plot, *arguments) == 0
     assert plot.read_bytes().startswith(b"\x89PNG")

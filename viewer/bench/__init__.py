@@ -1,5 +1,5 @@
 """Benchmarks: ``pointglass bench frame | grid | open | error | scale | campus | versus | stability | occlusion | raster |
-cull | flight``.
+cull | flight | photographs``.
 
 Each result includes machine, driver, versions, scan and picture size.  Run times are measured here only; no test asserts them.
 """
@@ -66,6 +66,7 @@ KINDS = {
     "occlusion": Kind("time saved by occlusion culling, and its error", 1, "nothing",
                       ("lod", "points", "rooms", "frames", "seed")),
     "raster": Kind("the rasterisers on random points", 5, "nothing", ("points", "repeats", "seed")),
+    "photographs": Kind("time that photographs take: none, 18, 300 panoramas", 8, "nothing", ("points", "repeats", "seed")),
     "cull": Kind("time to find the visible ones of a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
@@ -265,6 +266,13 @@ def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Ou
     return culling.run_culling(parse_sizes(options.size)[0], repeats, options.seed), culling.rows, culling.plot
 
 
+def _photographs(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from .cases import photograph_times as case
+
+    points = parse_count(options.points or "2M", "--points")
+    return case.run_photographs(points, parse_sizes(options.size)[0], repeats, options.seed), case.rows, case.plot
+
+
 def _campus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
     from pathlib import Path
 
@@ -280,7 +288,7 @@ def _campus(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
     "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
     "stability": _stability, "occlusion": _occlusion, "raster": _raster, "cull": _cull, "flight": _flight,
-    "campus": _campus,
+    "campus": _campus, "photographs": _photographs,
 }
 
 
@@ -302,7 +310,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, metavar="N",
                         help="versus, occlusion (at least 3), flight (at least 12): number of cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
-                        help="grid, occlusion, raster: number of points (10M, 100M, 2M); scale: the sizes (1M to 1G)")
+                        help="grid, occlusion, raster, photographs: number of points (10M, 100M, 2M, 2M); scale: the sizes")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids in this folder, and use existing ones; "
                                                                  "campus: the folder of the files (out/campus)")
     parser.add_argument("--files", metavar="N,N,...", help="campus: numbers of files (10,30,100,300)")

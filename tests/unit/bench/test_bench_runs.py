@@ -12,7 +12,7 @@ from bench_run import COMMON, SIZE, four_rooms, made_by, run
 from pointglass.viewer.bench import approximations
 from pointglass.viewer.bench import memory_headroom as room
 from pointglass.viewer.bench.cases import approximation_errors as errors
-from pointglass.viewer.bench.cases import culling, scaling
+from pointglass.viewer.bench.cases import culling, photograph_times, scaling
 from pointglass.viewer.bench.cases import frame_times as frames
 from pointglass.viewer.bench.cases.stability import ROOM, walls
 from pointglass.viewer.common.errors import InputError
@@ -225,6 +225,16 @@ def test_bench_raster(tmp_path):
     made = made_by("raster", tmp_path, "--repeats", "1", "--points", "20k")
     assert made.keys() >= COMMON and made["points"] == 20_000 and made["failed"] is False
     assert made["milliseconds"].keys() == {"compute", "points", "cpu"} and made["ratio"] > 0
+
+
+@pytest.mark.gl
+def test_bench_photographs(tmp_path, monkeypatch):
+    monkeypatch.setattr(photograph_times, "PANORAMAS", 2)
+    monkeypatch.setattr(photograph_times, "_PANORAMA", (256, 128))
+    made = made_by("photographs", tmp_path, "--repeats", "1", "--points", "20k")
+    assert made.keys() >= COMMON | {"size", "repeats"} and made["points"] == 20_000
+    none, faces, panoramas = made["sets"]
+    assert (none["shown"], none["added_clock_ms"], panoramas["shown"]) == (0, 0, 2) and 0 < faces["shown"] <= 18
 
 
 @pytest.mark.gl

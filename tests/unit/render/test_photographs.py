@@ -93,7 +93,8 @@ def test_the_loops_colour_as_the_reference_does(kind, seed):
     for number, photo in enumerate(prepared):
         pool.put(number, photo)
     pool.presence = {0: 0.4, 5: 0.7}  # they fade in
-    made, share, colours, grid = photographed(filled, depth, measured, camera, pool, list(range(len(given))))
+    told = photographed(filled, depth, measured, camera, pool, list(range(len(given))))
+    made, share, colours, grid = told.made, told.share, told.colours, told.grid
     photos = []
     for number, (picture, valid, which, lens, around, pose, nearest, gains) in enumerate(given):
         turn = pose[:3, :3].T @ camera.view_rotation.T

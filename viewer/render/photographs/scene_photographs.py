@@ -36,10 +36,11 @@ class ScenePhotographs:
         self._last: PhotoLibrary | None = None
         self._resident: ResidentPool | None = None
 
-    def give(self, folder: str, photographs: "list[PosedPhotograph]") -> None:
-        """The photographs of a folder, the value of Settings.photos that names it."""
+    def give(self, folder: str, photographs: "list[PosedPhotograph]", *, checked: bool = True) -> None:
+        """The photographs of a folder, the value of Settings.photos that names it.  checked: as of PhotoLibrary."""
         if folder not in self._libraries:
-            self._libraries[folder] = PhotoLibrary(self._scene, photographs, self._wake) if photographs else None
+            made = PhotoLibrary(self._scene, photographs, self._wake, checked=checked) if photographs else None
+            self._libraries[folder] = made
 
     def knows(self, photos: str) -> bool:
         """Whether a value of Settings.photos needs nothing to be given."""
