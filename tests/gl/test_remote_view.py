@@ -1,14 +1,17 @@
 """A scan at an address of which only what a camera looks at is read: its share, its pictures, and faults of the network."""
 
+import json
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial import KDTree
 
 from pointglass import look_at
+from pointglass.viewer.cli import main
 from pointglass.viewer.grid.open_scene import grids_of, open_scene
 from pointglass.viewer.grid.records.file_records import FileRecords
 from pointglass.viewer.picture.settings import Settings
@@ -77,14 +80,19 @@ def difference(context, one, other, camera) -> float:
     return float(np.abs(pictures[0] - pictures[1]).mean())
 
 
+@pytest.fixture(scope="module")
+def copc(tmp_path_factory):
+    return write_copc(tmp_path_factory.mktemp("copc") / "site.copc.laz", *site(160_000))
+
+
 @pytest.mark.parametrize("kind", ["copc", "potree"])
-def test_what_is_looked_at_is_read_and_its_picture_is_that_of_the_whole_file(context, tmp_path, monkeypatch, kind):
+def test_what_is_looked_at_is_read_and_its_picture_is_that_of_the_whole_file(context, copc, tmp_path, monkeypatch, kind):
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
-    xyz, rgb = site(160_000)
     if kind == "copc":
-        path, name = write_copc(tmp_path / "site.copc.laz", xyz, rgb), "site.copc.laz"
+        path, name = copc, "site.copc.laz"
         files = {name: path.read_bytes()}
     else:
+        xyz, rgb = site(160_000)
         grey = np.zeros(len(xyz), np.uint16)
         points = Points(xyz, (rgb >> 8).astype(np.uint8), grey, grey.astype(np.uint8))
         path, name = write_potree1(tmp_path / "site", points), "site"
@@ -128,6 +136,47 @@ def test_of_several_octrees_beside_a_file_only_what_is_in_view_is_read_in_one_pi
         assert difference(context, scene, whole, THERE) < 1
         reader.close()
         assert reader.join(20)
+
+
+@pytest.mark.parametrize(("fov", "psnr"), [(30.0, 38), (3.0, np.inf)])
+def test_render_reads_what_its_cameras_can_show_and_says_how_much(context, copc, tmp_path, monkeypatch, capsys, fov, psnr):
+    """Pictures agree to the density of points that a pixel can show, and to the byte where nodes are read to their leaves."""
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("POINTGLASS_REMOTE_WHOLE_MB", "0.1")
+    pose = np.eye(4)
+    pose[:3] = np.asarray(HERE.camera_to_world)[:3]
+    cameras = tmp_path / "path.json"
+    cameras.write_text(json.dumps({"render_width": 160, "render_height": 120,
+                                   "camera_path": [{"camera_to_world": pose.reshape(-1).tolist(), "fov": fov}]}))
+    data = copc.read_bytes()
+    with served({"site.copc.laz": data}) as server:
+        for scan, out in ((f"{server.address}/site.copc.laz", "part"), (copc, "all")):
+            assert main(["render", str(scan), "--cameras", str(cameras), "--out", str(tmp_path / out), "--view", "raw"]) == 0
+        assert 0.02 * len(data) < server.sent < 0.6 * len(data)
+    said = capsys.readouterr().err
+    assert "which 1 picture can show" in said and said.count("are read") == 1
+    part, whole = (np.asarray(Image.open(tmp_path / out / "frame_00000.png").convert("RGB"), float) for out in ("part", "all"))
+    assert np.ptp(whole) > 100
+    error = float(((part - whole) ** 2).mean())
+    assert (np.inf if error == 0 else 10 * np.log10(255**2 / error)) >= psnr
+
+
+@pytest.mark.parametrize("command", ["video", "publish"])
+def test_films_and_publications_read_what_their_cameras_can_show(copc, tmp_path, monkeypatch, capsys, command):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("POINTGLASS_REMOTE_WHOLE_MB", "0.1")
+    pose = np.eye(4)
+    pose[:3] = np.asarray(look_at((-60, -50, 2), (3, 3, 0), fov=40, size=SIZE).camera_to_world)[:3]
+    cameras = tmp_path / "path.json"
+    cameras.write_text(json.dumps({"render_width": 160, "render_height": 120,
+                                   "camera_path": [{"camera_to_world": pose.reshape(-1).tolist(), "fov": 10.0}]}))
+    data = copc.read_bytes()
+    more = ["--path", cameras] if command == "video" else ["--at", cameras, "--size", "512", "--second", "none"]
+    with served({"site.copc.laz": data}) as server:
+        assert main([command, f"{server.address}/site.copc.laz", "--out", str(tmp_path / "out"), "--view", "raw",
+                     *map(str, more)]) == 0
+        assert 0.02 * len(data) < server.sent < 0.7 * len(data)
+    assert "can show" in capsys.readouterr().err and any((tmp_path / "out").iterdir())
 
 
 def test_a_lost_network_is_told_and_tried_again_and_a_changed_file_is_read_anew(tmp_path, monkeypatch):

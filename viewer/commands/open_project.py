@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,22 +19,25 @@ from .mesh_files import layers_of
 if TYPE_CHECKING:
     from ..common.workers.worker_choice import Workers
     from ..grid.scene import Scene
+    from ..picture.camera import Camera
 
 _log = logging.getLogger(__name__)
 
 
 def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bool = False, meshes: bool = False,
-           workers: "Workers | None" = None) -> "tuple[Scene, Document]":  # fmt: skip
+           workers: "Workers | None" = None, cameras: "Callable[[Document], Sequence[Camera]] | None" = None,
+           say: bool = True) -> "tuple[Scene, Document]":  # fmt: skip
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
     options: as viewer.commands.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options``
     say.  writes: whether points are written by the regions and classes of the project.  A warning names each scan that is
     another file than the project was saved with.  meshes: whether meshes may be given beside scans; they join the document.
-    workers: who converts the files of a place.
+    workers: who converts the files of a place.  cameras: of a document, those of all pictures, as for
+    viewer.stream.scene_in_view, as ``say`` is; None: all points are read.
     Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system that is
     not known, and, with ``writes``, where regions or classes are of another file.
     """
-    from ..grid.open_scene import open_scene
+    from ..stream.scene_in_view import open_scene_for
 
     given, models = scans_and_meshes(options.scans) if meshes else (list(options.scans), [])
     check_projects(given)
@@ -44,8 +48,9 @@ def opened(options: argparse.Namespace, *, match: bool | None = None, writes: bo
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in given)), given
     matched = bool(options.exposures == "matched") if match is None else match
-    scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns,
-                       moves=moves_of(document.scans), workers=workers)
+    plain = replace(document.edits, meshes=(), photographs=()).none  # others name points by their numbers in the file
+    scene = open_scene_for(scans, cameras(document) if cameras is not None and plain else (), cache=not options.no_cache,
+                           match=matched, columns=options.columns, moves=moves_of(document.scans), workers=workers, say=say)
     scene = prepared(scene, document.ghosts)
     scene = replace(scene, meta=with_reference(scene.meta, document.scans))
     return scene, replace(document, meshes=(*document.meshes, *layers_of(models, scene))) if models else document

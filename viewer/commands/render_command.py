@@ -23,6 +23,7 @@ from .workers_option import workers_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
+    from ..picture.camera import Camera
     from ..picture.settings import Memory, Settings
     from ..picture.spec import PictureSpec
     from ..render.renderer import Renderer
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class _Pictures:
     """What each process opens to make pictures.  options: of the command.  scans: its files that are no meshes.  shot: of
-    ``--like``."""
+    ``--like``.  cameras: of all pictures, also those of other shards; none where all points are needed."""
 
     options: argparse.Namespace
     scans: list[Path]
@@ -40,25 +41,28 @@ class _Pictures:
     memory: "Memory"
     exposures: str
     shot: "Shot | None"
+    cameras: "tuple[Camera, ...]"
 
-    def scene(self, workers: Workers | None = None) -> "Scene":
-        """workers: who converts the files of a place."""
-        from ..grid.open_scene import moves_as, open_scene
+    def scene(self, workers: Workers | None = None, *, say: bool = True) -> "Scene":
+        """workers: who converts the files of a place.  say: as for open_scene_for."""
+        from ..grid.open_scene import moves_as
+        from ..stream.scene_in_view import open_scene_for
         from ..work.ghosts import prepared
 
         options, shot = self.options, self.shot
-        scene = open_scene(self.scans, cache=not options.no_cache, match=self.exposures == "matched",
-                           columns=options.columns, moves=moves_as(self.scans, shot.moves if shot else ()))
+        scene = open_scene_for(self.scans, self.cameras, cache=not options.no_cache, match=self.exposures == "matched",
+                               columns=options.columns, moves=moves_as(self.scans, shot.moves if shot else ()), say=say)
         return prepared(scene, shot.spec.edits.ghosts) if shot else scene
 
     @contextmanager
-    def renderer(self, photographs: "Photographs | None", tell: "Callable[[Scene], object]") -> "Iterator[Renderer]":
-        """tell: is given the scene before the renderer is made."""
+    def renderer(self, photographs: "Photographs | None", tell: "Callable[[Scene], object]", *,
+                 say: bool = True) -> "Iterator[Renderer]":
+        """tell: is given the scene before the renderer is made.  say: as for :meth:`scene`."""
         from ..render.device.context import create_context
         from ..render.renderer import Renderer
 
         context = create_context()
-        scene = self.scene()
+        scene = self.scene(say=say)
         tell(scene)
         renderer = Renderer(context, scene, memory=self.memory)
         renderer.choice.repeat(self.shot.raster if self.shot else "")
@@ -74,7 +78,7 @@ class _Pictures:
         """For run_tasks: makes a picture, and returns whether it was not there yet."""
         check_weights(self.settings)
         options = self.options
-        with self.renderer(photographs_of_folder(self.settings), lambda scene: None) as renderer:
+        with self.renderer(photographs_of_folder(self.settings), lambda scene: None, say=False) as renderer:
             yield lambda spec: export_picture(renderer, spec, options.out, aux=options.aux, exposures=self.exposures,
                                               resume=options.resume)
 
@@ -95,11 +99,12 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
     else:
         specs = [PictureSpec(camera, settings, background=options.background)
                  for camera in read_cameras(options.cameras, size=size)]
+    cameras = tuple(spec.camera for spec in specs) if all(spec.plain for spec in specs) else ()
     part, parts = parse_shard(options.shard) if options.shard else (0, 1)
     specs = specs[part::parts]
     check_weights(settings)
     photographs = photographs_of_folder(settings)
-    work = _Pictures(options, scans, settings, memory, exposures, shot)
+    work = _Pictures(options, scans, settings, memory, exposures, shot, cameras)
     written = picture_files(options.out, [spec.camera for spec in specs], aux=options.aux)
 
     def tell(scene: "Scene") -> None:
@@ -120,7 +125,7 @@ def run(options: argparse.Namespace, settings: "Settings", ready: Callable[[], o
     else:
         tell(work.scene(workers))  # where its grid is not in the cache yet, it is built once
         if isinstance(photographs, UnplacedFolder):
-            with work.renderer(photographs, lambda scene: None):  # places them once; each worker reads the cache
+            with work.renderer(photographs, lambda scene: None, say=False):  # places them once; each worker reads the cache
                 pass
         check_aux(specs, aux=options.aux)
         ready()

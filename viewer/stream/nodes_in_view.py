@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 FINEST_PX = 0.7
 """Pixels between the points of a parent below which its children are left out: the picture has two points a pixel then."""
 AROUND_PX = 8.0
-"""The same outside the picture: about a hundredth of the points that the picture has."""
+"""The same outside the picture, of a camera of 90 degrees where the picture shows less: a zoom does not make what is around it
+larger.  About a hundredth of the points that the picture has."""
 MOST_POINTS = 6_000_000
 """Points that are read for a view: 6.5 for each pixel of 1280x720, and 0.4 GB of memory with those kept of other views."""
 
@@ -28,7 +29,8 @@ def nodes_in_view(nodes: "OctreeNodes", camera: Camera, *, points: int = MOST_PO
     size = 2 * nodes.spacing * max(camera.fx, camera.fy) / distance(nodes, camera)
     seen = _in_frustum(nodes, camera)
     groups = []
-    for these, least in ((seen, FINEST_PX), (~seen, AROUND_PX)):
+    zoom = 1.0 if camera.orthographic is not None else max(1.0, 2 * camera.fx / camera.width, 2 * camera.fy / camera.height)
+    for these, least in ((seen, FINEST_PX), (~seen, AROUND_PX * zoom)):
         chosen = np.flatnonzero(these & ((size > least) | (nodes.levels == 0)))
         chosen = chosen[np.argsort(-size[chosen], kind="stable")]
         chosen = chosen[np.argsort(nodes.levels[chosen] > 0, kind="stable")]  # the root before all

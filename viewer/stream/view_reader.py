@@ -23,7 +23,7 @@ from ..readers.remote.octree_set import OctreeSet
 from ..readers.remote.octree_view import octree_view
 from ..readers.remote.remote_object import ChangedFileError, UnreachableError
 from .nodes_in_view import MOST_POINTS, nodes_in_view
-from .scene_of_nodes import finest_spacing, scene_of_octrees
+from .scene_of_nodes import NodesInMemory, finest_spacing, scene_of_octrees
 
 if TYPE_CHECKING:
     from ..grid.place.open_place import PlaceGrids
@@ -246,8 +246,9 @@ class ViewReader:
         for kept in self._kept:
             for tree, chunk in kept.chunks.items():
                 parts.setdefault(tree, []).append(chunk)
-        spacing = finest_spacing(self._octree.nodes, np.concatenate([kept.numbers for kept in self._kept]), parts)
-        sources = {self._octree.octrees[tree].source: parts[tree] for tree in sorted(parts)}
+        spacing = finest_spacing(self._octree.nodes, np.concatenate([kept.numbers for kept in self._kept]),
+                                 lambda leaf: parts[self._octree.tree_of(leaf)])
+        sources = [NodesInMemory(self._octree.octrees[tree].source, parts[tree]) for tree in sorted(parts)]
         made = self._prepare(scene_of_octrees(sources, spacing=spacing, match=self._match, beside=self._beside))
         with self._news:
             self._made = made

@@ -201,6 +201,7 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
     """The command.  Returns the exit code."""
     from ..render_pictures import parse_size
     from .encode import frame_files
+    from .frames import check_form, rendered_cameras
 
     check(options)
     workers = workers_of(options)
@@ -218,7 +219,9 @@ def run(options: argparse.Namespace, settings: "Settings") -> int:
 
         print(film_by_workers(options, settings, cameras, rate, workers, meshes, titles))
         return 0
-    with opened_renderer(options, settings) as (scene, renderer):
+    check_form((cameras[0].width, cameras[0].height), options.supersample, panorama=options.panorama)
+    rendered = rendered_cameras(cameras, options.supersample, panorama=options.panorama)
+    with opened_renderer(options, settings, rendered) as (scene, renderer):
         edits = film_edits(meshes, scene)
         with replaced_told(options.out / name for name in frame_files(cameras)):  # of a video the command line says it
             made = film(scene, renderer, cameras, rate, settings, options.out, panorama=options.panorama,

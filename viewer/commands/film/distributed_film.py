@@ -19,7 +19,7 @@ from ..mesh_files import layers_of
 from ..neural_setup import check_weights
 from .encode import begin_folder, check_mp4, encode_mp4, frame_files, frames_left, write_frame
 from .film_record import MP4, describe, folder_line, ingredients
-from .frames import FrameMaker, check_form
+from .frames import FrameMaker, check_form, rendered_cameras
 from .opened_renderer import opened_renderer, opened_scene
 
 if TYPE_CHECKING:
@@ -32,7 +32,8 @@ _AHEAD = 32
 
 @dataclass(frozen=True)
 class _Frames:
-    """What each process opens.  size: of the frames.  returned: whether tasks return their pictures, or write them."""
+    """What each process opens.  size: of the frames.  returned: whether tasks return their pictures, or write them.
+    cameras: of all that is rendered."""
 
     options: argparse.Namespace
     settings: "Settings"
@@ -40,12 +41,13 @@ class _Frames:
     returned: bool
     edits: Edits
     titles: FilmTitles
+    cameras: "Sequence[Camera]"
 
     @contextmanager
     def opened(self) -> "Iterator[Callable[[Camera], Any]]":
         check_weights(self.settings)
         options = self.options
-        with opened_renderer(options, self.settings) as (scene, renderer):
+        with opened_renderer(options, self.settings, self.cameras, say=False) as (scene, renderer):
             maker = FrameMaker(renderer, self.settings, self.size, options.supersample, options.panorama, options.background,
                                edits=self.edits, titles=self.titles)
 
@@ -67,9 +69,10 @@ def film_by_workers(options: argparse.Namespace, settings: "Settings", cameras: 
     video = options.out.suffix.lower() in MP4
     if video:
         check_mp4(options.out, size)
-    scene = opened_scene(options, workers)  # where its grid is not in the cache yet, it is built once
+    rendered = rendered_cameras(cameras, options.supersample, panorama=options.panorama)
+    scene = opened_scene(options, rendered, workers)  # where its grid is not in the cache yet, it is built once
     edits = Edits(meshes=layers_of(meshes, scene)) if meshes else NO_EDITS
-    work = _Frames(options, settings, size, video, edits, titles)
+    work = _Frames(options, settings, size, video, edits, titles, rendered)
 
     def results(asked: "Sequence[Camera]") -> "Generator[Any, None, None]":
         return run_tasks(work, asked, workers, label="filming", unit="frame", name=lambda camera: camera.name,

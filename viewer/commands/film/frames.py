@@ -1,5 +1,6 @@
 """Pictures of a film, one after the other: plain, supersampled, or 360-degree panoramas."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -81,6 +82,14 @@ class FrameMaker:
 
     def release(self) -> None:
         self._composer.release()
+
+
+def rendered_cameras(cameras: "Sequence[Camera]", supersample: int, *, panorama: bool) -> "list[Camera]":
+    """The cameras that a FrameMaker renders for frames of ``cameras``, which have its size."""
+    width, height = (side * supersample for side in (cameras[0].width, cameras[0].height))
+    if panorama:
+        return [face for camera in cameras for _, face in Panorama(width, height).faces(camera)]
+    return [camera.resized(width, height) for camera in cameras]
 
 
 def averaged(image: np.ndarray, factor: int) -> np.ndarray:

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +23,13 @@ from ..workers_option import add_workers, workers_of
 from .place_choice import PLANNED, parse_places
 
 if TYPE_CHECKING:
+    from ...common.workers.worker_choice import Workers
     from ...grid.scene import Scene
+    from ...picture.camera import Camera
     from ...render.described_picture import Composer
     from ...render.renderer import Renderer
     from ...work.document import Document
+    from .place_choice import PlaceChoice
     from .places import Place
     from .publication import Form
 
@@ -74,16 +78,39 @@ def _warn(text: str) -> None:
     _log.warning("%s", ScanWarning(text, WarningTopic.LEFT_OUT))
 
 
+def _cameras(document: "Document", *, wanted: "PlaceChoice", side: int) -> "list[Camera]":
+    """The cameras of the places, where they are known before the scan is read; else none."""
+    import numpy as np
+
+    from .cube_faces import rendered_faces
+
+    if isinstance(wanted, tuple):
+        positions = [camera.position for camera in wanted if camera.orthographic is None]
+    elif wanted == "viewpoints":
+        positions = [np.array(view.camera_to_world)[:3, 3] for view in document.viewpoints if view.orthographic is None]
+    else:
+        positions = []
+    return [camera for position in positions for camera in rendered_faces(position, side, document.up)]
+
+
+def _opened(options: argparse.Namespace, *, workers: "Workers | None" = None, say: bool = True) -> "tuple[Scene, Document]":
+    """As viewer.commands.open_project.opened, for the places that are asked for."""
+    from ..open_project import opened
+
+    return opened(options, meshes=True, workers=workers, say=say,
+                  cameras=partial(_cameras, wanted=parse_places(options.at), side=options.size))
+
+
 @contextmanager
-def _opened_renderer(options: argparse.Namespace, settings: Settings) -> "Iterator[tuple[Scene, Document, Renderer, Composer]]":
+def _opened_renderer(options: argparse.Namespace, settings: Settings, *,
+                     say: bool = True) -> "Iterator[tuple[Scene, Document, Renderer, Composer]]":
     from ...render.described_picture import Composer
     from ...render.device.context import create_context
     from ...render.renderer import Renderer
-    from ..open_project import opened
 
     photographs = photographs_of_folder(settings)
     context = create_context()
-    scene, document = opened(options, meshes=True)
+    scene, document = _opened(options, say=say)
     renderer, composer = Renderer(context, scene, memory=memory_of(options)), Composer(context)
     give_photographs(renderer, settings, photographs)
     try:
@@ -108,7 +135,7 @@ class _Places:
         from .publication import Publication
 
         check_weights(self.settings)
-        with _opened_renderer(self.options, self.settings) as (scene, document, renderer, composer):
+        with _opened_renderer(self.options, self.settings, say=False) as (scene, document, renderer, composer):
             made = Publication(scene, document, self.settings, self.places, self.options.out, "", self.form)
             yield lambda number: made.write_place(number, renderer, composer)
 
@@ -122,7 +149,6 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
     wanted, workers = parse_places(options.at), workers_of(options)
     check_folder(options.out)
     from ...work.project import is_project
-    from ..open_project import opened
 
     if options.second == settings.view:
         second_view(settings.view, options.second)  # refused before scans are read
@@ -140,7 +166,7 @@ def run(options: argparse.Namespace, settings: Settings) -> int:
             made = publication(scene, document)
             rendered, size = made.write(renderer, composer, _warn)
     else:
-        made = publication(*opened(options, meshes=True, workers=workers))  # builds a grid that is not in the cache once
+        made = publication(*_opened(options, workers=workers))  # builds a grid that is not in the cache once
         rendered, size = made.write_by(_Places(options, settings, made.places, made.form), workers, _warn)
     places = made.places
     kept = f", {len(places) - rendered:,} kept" if rendered < len(places) else ""

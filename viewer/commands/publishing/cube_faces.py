@@ -70,6 +70,11 @@ def face_cameras(position: np.ndarray, side: int, up=(0.0, 0.0, 1.0), name: str 
     return cameras
 
 
+def rendered_faces(position: np.ndarray, side: int, up=(0.0, 0.0, 1.0)) -> list[Camera]:
+    """The cameras that are rendered for a place: those of its faces with their margins."""
+    return [with_margin(camera) for camera in face_cameras(position, side, up)]
+
+
 def render_place(renderer: "Renderer", composer: "Composer", spec: PictureSpec, position: np.ndarray, *, side: int,
                  depth_side: int, second: str | None, changes: "PointLevels | None" = None) -> PlaceFaces:
     """The faces of a place.  spec: view, settings, edits and background; its camera is not looked at.  side: of ``pictures``, a

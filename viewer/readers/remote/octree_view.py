@@ -79,8 +79,8 @@ class OctreeView:
     def __init__(self, address: Address, nodes: OctreeNodes, source: Source, size: int):
         self.address, self.nodes, self.source, self.size = address, nodes, source, size
 
-    def fetch(self, numbers: np.ndarray) -> None:
-        """Reads nodes, (k,) numbers, from the address, as far as they are not in the copy.
+    def fetch(self, numbers: np.ndarray, label: str | None = None) -> None:
+        """Reads nodes, (k,) numbers, from the address, as far as they are not in the copy.  label: of the progress; None: none.
 
         Raises ChangedFileError; InputError (UnreachableError: it may pass) where they cannot be had or the disk is full."""
         raise NotImplementedError
@@ -125,7 +125,7 @@ class _CopcView(OctreeView):
         cubes = _nodes(nodes.level, nodes.points, nodes.bytes, nodes.cell, nodes.low, nodes.side, nodes.spacing)
         super().__init__(address, cubes, self._las, remote.size)
 
-    def fetch(self, numbers: np.ndarray) -> None:
+    def fetch(self, numbers: np.ndarray, label: str | None = None) -> None:
         numbers = numbers[np.argsort(self._copc.place[numbers])]
         first, held = self._copc.place[numbers], self._copc.bytes[numbers]
         with alone(self.address):
@@ -133,7 +133,8 @@ class _CopcView(OctreeView):
             if self._must_empty(int(held.sum())):
                 copy.empty()
                 describe(copy)
-            copy.fetch(zip(first.tolist(), (first + held).tolist(), strict=True))
+            copy.fetch(zip(first.tolist(), (first + held).tolist(), strict=True), label)
+            os.utime(copy.path, (self._remote.modified, self._remote.modified))  # what is made of it is found again by it
 
     def _read(self, numbers: np.ndarray) -> Iterable[Chunk]:
         with ThreadPoolExecutor(usable_processors(), "pointglass nodes") as pool:
@@ -155,14 +156,14 @@ class _FolderView(OctreeView):
         cubes = _nodes(parts.levels, parts.points, sizes, parts.cells, parts.cube[:3], float(parts.cube[3]), parts.spacing)
         super().__init__(address, cubes, open_source(upper_octree(copy, parts, self._root)), parts.size)
 
-    def fetch(self, numbers: np.ndarray) -> None:
+    def fetch(self, numbers: np.ndarray, label: str | None = None) -> None:
         with alone(self.address):
             if not self._copy.is_current():
                 raise ChangedFileError
             if self._must_empty(int(self.nodes.bytes[numbers].sum())):
                 self._parts.empty(self._copy)
                 self._parts.fetch(self._copy, self._root)
-            self._parts.fetch(self._copy, np.sort(numbers))
+            self._parts.fetch(self._copy, np.sort(numbers), label)
 
     def _read(self, numbers: np.ndarray) -> Iterable[Chunk]:
         from ..octree.potree2 import Potree2Source

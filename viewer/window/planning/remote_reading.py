@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...common.errors import InputError
 from ...common.text import bytes_text, count_text
-from ...readers.remote.address import address_in
+from ...readers.remote.address import is_address
 from ..kit.notices import LoadAllPoints, Notices, ScanNotice
 
 if TYPE_CHECKING:
@@ -15,23 +15,10 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from ...picture.camera import Camera
     from ...readers.remote.octree_set import OctreeSet
-    from ...readers.remote.octree_view import OctreeView
     from ...stream.view_reader import ReadingState, ViewReader
 
 _MOVING_S = 0.4
 """Seconds between two cameras of a movement that are read for: a batch of nodes takes 0.7."""
-
-
-def _octree_at(path: Path) -> "OctreeView | None":
-    """The octree at an address of which only what is in view is read."""
-    if (address := address_in(path)) is None:
-        return None
-    from ...readers.remote.octree_view import most_whole, octree_view
-
-    try:
-        return octree_view(address, most_whole())
-    except InputError:
-        return None
 
 
 class RemoteReading:
@@ -57,17 +44,13 @@ class RemoteReading:
         return self._reader.state
 
     def plan(self, paths: Sequence[Path]) -> "tuple[OctreeSet | None, list[Path]]":
-        """The octrees of which only what is in view is read, None where there are none, and the scans that are read whole:
-        files of this machine, small ones, those without an octree, and those that cannot be read, which is said later."""
-        views, whole = [], []
-        for path in dict.fromkeys(paths):
-            found = _octree_at(path)
-            (whole.append(path) if found is None else views.append(found))
-        if not views or (whole and not self.cache):
+        """The octrees of which only what is in view is read, None where there are none, and the scans that are read whole."""
+        if not any(map(is_address, paths)):
             return None, [*paths]
-        from ...readers.remote.octree_set import OctreeSet
+        from ...readers.remote.octree_set import octrees_in
 
-        return OctreeSet(views), whole
+        octrees, whole = octrees_in(paths)
+        return (octrees, whole) if self.cache or not whole else (None, [*paths])
 
     def grids_of(self, paths: Sequence[Path], match: bool) -> "tuple[PlaceGrids | None, list[InputError]]":
         """The grids of scans that are read whole, None where there are none, and why others are not among them."""
