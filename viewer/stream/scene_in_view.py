@@ -17,7 +17,6 @@ import numpy as np
 from ..common.errors import InputError
 from ..common.failures import tell
 from ..common.text import bytes_text, count_text, counted
-from ..grid.open_scene import grids_of, open_scene
 from ..picture.camera import Camera
 from ..readers.remote.octree_set import OctreeSet, octrees_in
 from ..readers.remote.remote_object import ChangedFileError
@@ -42,6 +41,8 @@ def open_scene_for(paths: Sequence[Path], cameras: Sequence[Camera], *, cache: b
     Of COPC, EPT and Potree at addresses that are too large to be fetched whole (POINTGLASS_REMOTE_WHOLE_MB) only what the
     cameras see is read.  Others: as for viewer.grid.open_scene.open_scene, also what is raised.  say: a line says how much is
     read."""
+    from ..grid.open_scene import open_scene
+
     for last in (False, True):
         octrees, others = octrees_in(paths) if cameras and not moves else (None, [])
         numbers = _seen(octrees, cameras) if octrees is not None else np.zeros(0, np.int64)
@@ -67,6 +68,8 @@ def _seen(octrees: OctreeSet, cameras: Sequence[Camera]) -> np.ndarray:
 
 def _scene_of(octrees: OctreeSet, numbers: np.ndarray, others: Sequence[Path], cameras: Sequence[Camera], *, match: bool,
               columns: str | None, say: bool) -> "Scene":
+    from ..grid.open_scene import grids_of
+
     nodes, by_tree = octrees.nodes, octrees.by_tree(numbers)
     for tree, own in by_tree:
         address = octrees.octrees[tree].address
