@@ -1,11 +1,13 @@
-"""What the header of a LAS, LAZ or COPC file at an address says, or the hierarchy of a Potree or EPT octree there, for
-``pointglass info``: under a hundredth of a large scan is read.  What only the points tell (their spacing, noise, classes) is
-unknown until the scan is there."""
+"""What the header of a LAS, LAZ or COPC file at an address says, the XML of an E57, or the hierarchy of a Potree or EPT octree
+there, for ``pointglass info``: under a hundredth of a large scan is read.  What only the points tell (their spacing,
+noise, classes) is unknown until the scan is there."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..common.text import printable
+from ..readers.e57.e57_stated import stated_bounds
 from ..readers.las.las_source import LasSource
 from ..readers.remote.address import address_in
 from ..work.measuring.measure_text import unit_name
@@ -25,6 +27,7 @@ def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
     from ..readers.remote.octree_fetch import described_octree, octree_at
 
     check_address(paths[0])
+    found = None
     if (octree := octree_at(address)) is not None:
         root, parts = described_octree(octree)
         if parts.bounds is None:
@@ -33,23 +36,25 @@ def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
         count, bounds, address = int(parts.points.sum()), parts.bounds, octree
         share = float(parts.points[parts.levels == parts.levels.min()].sum()) / count
     elif (found := described(address)) is not None:
-        source = LasSource(found[0])
-        share, count, bounds = found[1], source.count, source.stated_bounds()
+        path, share = found
+        source = open_source(path)
+        count = source.count
+        bounds = source.stated_bounds() if isinstance(source, LasSource) else stated_bounds(path)
     else:
         return None
-    low, high = bounds.tolist()
+    low, high = (None, None) if bounds is None else bounds.tolist()
     return {
         "sources": [address.text],
         "format": source.format,
         "points": count,
         "bounds": {"min": low, "max": high},
-        "size": [b - a for a, b in zip(low, high, strict=True)],
+        "size": [b - a for a, b in zip(low, high, strict=True)] if low and high else None,
         "spacing": None,
         "units": source.units,
         "metres_per_unit": source.metres_per_unit,
         "crs": source.crs,
         "noise": None,
-        "scans": [],
+        "scans": [{"name": scan.name, "count": None, "position": scan.position} for scan in source.scans if found is not None],
         "warnings": source.warnings,
         "read": share,
     }
@@ -57,18 +62,24 @@ def stated_facts_of(paths: Sequence[Path]) -> dict[str, Any] | None:
 
 def stated_text(facts: dict[str, Any]) -> str:
     """The facts as lines for a terminal."""
-    corner = ["(" + ", ".join(f"{value:.12g}" for value in facts["bounds"][end]) + ")" for end in ("min", "max")]
-    metres = facts["metres_per_unit"]
+    ends, metres = facts["bounds"], facts["metres_per_unit"]
+    size = facts["size"] and " x ".join(f"{side:.4g}" for side in facts["size"]) + f" {unit_name(metres)}"
     rows = [
         ("file", facts["sources"][0]),
         ("format", facts["format"]),
         ("points", f"{facts['points']:,}"),
-        ("from", corner[0]),
-        ("to", corner[1]),
-        ("size", " x ".join(f"{side:.4g}" for side in facts["size"]) + f" {unit_name(metres)}"),
+        ("from", _vector(ends["min"])),
+        ("to", _vector(ends["max"])),
+        ("size", size or "known once it is opened"),
         ("units", f"{facts['units']} ({f'1 unit = {metres:.10g} m' if metres else 'length not given by the file'})"),
         ("CRS", facts["crs"] or "not given"),
+        *(("scan", f"{scan['name']}: {f'scanner at {_vector(place)}' if (place := scan['position']) else 'no pose'}")
+          for scan in facts["scans"]),
         *(("warning", text) for text in facts["warnings"]),
         ("read", f"{100 * facts['read']:.2g} % of the file; its spacing, noise and classes are known once it is opened"),
     ]
-    return "\n".join(f"{name:<8} {text}" for name, text in rows)
+    return "\n".join(f"{name:<8} {printable(text)}" for name, text in rows)
+
+
+def _vector(values: Sequence[float] | None) -> str:
+    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")" if values else "known once it is opened"

@@ -62,6 +62,38 @@ def test_info_reads_little_and_says_so(tmp_path, capsys):
         assert "known once it is opened" in said and re.search(r"^size +\S+ x \S+ x \S+ units$", said, re.MULTILINE)
 
 
+@pytest.mark.parametrize("fault", ["", "cut", "busy"])
+def test_info_of_an_e57_reads_its_header_and_xml(tmp_path, capsys, fault):
+    import pye57
+
+    random = np.random.default_rng(3)
+    moved = {"rotation": np.array([0.5**0.5, 0, 0, 0.5**0.5]), "translation": np.array([10.0, 0, 0])} if fault == "cut" else {}
+    with pye57.E57(str(tmp_path / "a.e57"), mode="w") as file:
+        for number in range(2):
+            xyz = random.uniform(0, 4, (400_000, 3)) + (10 * number, 0, 0)
+            file.write_scan_raw(dict(zip(("cartesianX", "cartesianY", "cartesianZ"), xyz.T.copy(), strict=True)),
+                                name=f"hall {number}", **moved)
+    data = (tmp_path / "a.e57").read_bytes()
+    with served({"a.e57": data}) as server:
+        server.cuts, server.busy = 2 * (fault == "cut"), 2 * (fault == "busy")
+        assert main(["info", f"{server.address}/a.e57", "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        assert server.sent < 0.01 * len(data) and found["read"] == pytest.approx(server.sent / len(data), rel=0.7)
+        assert found["points"] == 800_000 and [scan["name"] for scan in found["scans"]] == ["hall 0", "hall 1"]
+        assert main(["info", f"{server.address}/a.e57"]) == 0
+        said = capsys.readouterr().out
+        if moved:
+            assert found["bounds"] == {"min": None, "max": None} and found["size"] is None, "its frame is not known"
+            assert "hall 1: scanner at (10, 0, 0)" in said and re.search(r"size +known once it is opened", said)
+        else:
+            assert found["bounds"]["min"] == pytest.approx([0, 0, 0], abs=1e-3)
+            assert found["bounds"]["max"] == pytest.approx([14, 4, 4], abs=1e-3)
+        if not fault:
+            server.files["a.e57"] = data[: len(data) // 2]
+            assert main(["info", f"{server.address}/a.e57"]) == 2
+            assert "a.e57: truncated or damaged: its description would end" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("fault", ["cut", "busy", "whole only"])
 def test_faults_of_the_network_that_pass_are_bridged(tmp_path, fault):
     data = scan(tmp_path, 60_000)

@@ -10,6 +10,9 @@ import struct
 import threading
 from pathlib import Path
 
+from ...common.errors import InputError
+from ..e57.e57_packets import PAGE
+from ..e57.e57_stated import HEADER, description_at
 from ..las.copc_nodes import read_nodes
 from .address import Address, address_in
 from .copy_folders import folder_of, use
@@ -82,11 +85,13 @@ def fetch_ahead(path: Path) -> None:
 
 
 def described(address: Address) -> tuple[Path, float] | None:
-    """A LAS, LAZ or COPC file whose header, records and table of chunks are there, and the share of the file that was read;
-    None for other formats, for servers that give no parts, and for files that are there completely."""
+    """A LAS, LAZ, COPC or E57 file whose header, records, table of chunks or XML are there, and the share of the file that was
+    read; None for other formats, for servers that give no parts, and for files that are there completely."""
 
     def read(copy: LocalCopy) -> tuple[Path, float] | None:
-        return (copy.path, copy.share) if not copy.complete and copy.remote.ranges and describe(copy) else None
+        if copy.complete or not copy.remote.ranges or not (describe_e57(copy) or describe(copy)):
+            return None
+        return copy.path, copy.share
 
     return use(address, _opened(address), read)
 
@@ -104,6 +109,20 @@ def _complete_file(address: Address) -> Path | None:
     path = folder_of(address) / address.name
     state = read_state(path.parent)
     return path if state is not None and state["complete"] and path.is_file() else None
+
+
+def describe_e57(copy: LocalCopy) -> bool:
+    """Reads what describes an E57 file, its XML.  Whether it is one of which that is a small part.  Raises InputError where the
+    file ends before it."""
+    with copy.path.open("rb") as file:
+        found = description_at(file.read(HEADER.size))
+    if found is None or found[1] - found[0] > _MOST_DESCRIBED:
+        return False
+    if found[1] > copy.remote.size + PAGE:
+        raise InputError(f"{copy.remote.address.text}: truncated or damaged: its description would end at byte {found[1]:,} of "
+                         f"{copy.remote.size:,}", remedy="copy or export it again")
+    copy.fetch([found])
+    return True
 
 
 def describe(copy: LocalCopy) -> int:
