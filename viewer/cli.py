@@ -227,6 +227,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 # Threads of the network sleep while they wait: software OpenGL needs the processors (2 to 5 % of a neural
                 # frame).  Training needs them for itself and took 5 to 60 % longer.  torch reads this when it is imported.
                 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+                # Those of OpenBLAS, of which NumPy and SciPy bring one each, spun for 0.1 s of a processor when they were
+                # loaded, each beside the imports of a start; now for 2**4 cycles.
+                os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
             NOTICE.tell = tell
             with logging_to(verbose=options.verbose, file=options.log_file, arguments=given):
                 return _run_logged(options)

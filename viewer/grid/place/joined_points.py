@@ -18,10 +18,11 @@ from .point_change import PointChange
 
 _OPEN = 64
 """Memory maps that are kept; the kernel limits open files to 1024 of a process by default, and each map holds one."""
-
-
 _FEW = 4096
 """Rows that are read rather than mapped: 48 KB of points."""
+HEAD = 1 << 18
+"""First rows of a column that are kept once they were read, 3 MB of points: samples of a place are taken of them several times
+when it is opened, and each time the file of each grid would be opened."""
 
 
 class OpenColumns:
@@ -47,7 +48,6 @@ class OpenColumns:
             while len(self._kept) > _OPEN:
                 self._kept.popitem(last=False)
             return found
-
 
     def rows(self, number: int, first: int, count: int) -> np.ndarray:
         """Rows of a column, ``count`` from ``first`` on; few of one that is not mapped are read, without a map."""
@@ -97,6 +97,7 @@ class JoinedColumn:
     def __init__(self, table: PieceTable, columns: OpenColumns, width: tuple[int, ...], dtype: type):
         self.table, self._columns = table, columns
         self.shape, self.dtype, self.ndim = (int(table.starts[-1]), *width), np.dtype(dtype), 1 + len(width)
+        self._head = np.empty((0, *width), self.dtype)
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -109,6 +110,8 @@ class JoinedColumn:
             return self[index[0]][(slice(None), *index[1:])]
         if isinstance(index, slice):
             start, stop, step = index.indices(len(self))
+            if step > 0 and start < stop <= HEAD:
+                return self._head_to(stop)[start:stop:step].copy()
             if step != 1:
                 return self._some(np.arange(start, stop, step))
             return self._run(start, max(start, stop))
@@ -118,13 +121,25 @@ class JoinedColumn:
         found = self._some(np.where(numbers < 0, numbers + len(self), numbers).reshape(-1).astype(np.int64))
         return found[0] if numbers.ndim == 0 else found
 
+    def _head_to(self, stop: int) -> np.ndarray:
+        """The first rows, at least ``stop`` of them."""
+        head = self._head
+        if len(head) < stop:
+            self._head = head = self._run(0, stop)
+        return head
+
     def _run(self, start: int, stop: int) -> np.ndarray:
         found, at = np.empty((stop - start, *self.shape[1:]), self.dtype), 0
+        pieces: dict[int, list[tuple[int, int, int]]] = {}
         for grid, first, count in self.table.runs(start, stop):
-            part = found[at : at + count]
-            part[:] = self._columns.rows(grid, first, count)
-            self._changed(grid, part)
+            pieces.setdefault(grid, []).append((first, count, at))
             at += count
+        for grid, parts in pieces.items():  # those of one grid, a layer each, lie one behind the other in its file
+            first, last = parts[0][0], parts[-1][0] + parts[-1][1]
+            rows = np.array(self._columns.rows(grid, first, last - first))
+            self._changed(grid, rows)
+            for begin, count, place in parts:
+                found[place : place + count] = rows[begin - first : begin - first + count]
         return found
 
     def _some(self, numbers: np.ndarray) -> np.ndarray:

@@ -56,35 +56,6 @@ def mark_near(blocks, marked, first, points, block_side, position, side, scanned
 
 
 @compiled(nogil=True)
-def first_of_blocks(coords, shift, starts):
-    """Writes to starts (C,) int64 the first cell of each run of cells whose coordinates (C, 3) agree without their lowest
-    ``shift`` bits; returns the number of runs."""
-    found = 0
-    for cell in range(coords.shape[0]):
-        same = cell > 0
-        for axis in range(3):
-            same = same and coords[cell, axis] >> shift == coords[max(cell - 1, 0), axis] >> shift
-        if not same:
-            starts[found] = cell
-            found += 1
-    return found
-
-
-@compiled(nogil=True)
-def gather_by_block(points, blocks, order, place, gathered):
-    """Sorts points (n, 3) by their block (n,) int64, those of one block in the order (n,) in which ``order`` names them.
-
-    place: (B,) int64, where each block begins in gathered (n, 3), which is written; it is changed.
-    """
-    for i in range(order.shape[0]):
-        point = order[i]
-        at = place[blocks[point]]
-        place[blocks[point]] = at + 1
-        for axis in range(3):
-            gathered[at, axis] = points[point, axis]
-
-
-@compiled(nogil=True)
 def close_directions(scanned, walks, needed, closed):
     """Which cells are enclosed by cells that hold a point.  walks: as in _walks.  Writes closed (cells,) int8."""
     for cell in range(walks.shape[0]):

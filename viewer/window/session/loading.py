@@ -15,6 +15,7 @@ from ...work.moved_scans import MissingScans, ends_of
 from ..flight.start_viewpoint import Survey, survey
 from ..kit.notices import KeepAsScanned, Notices, Problem, ScanNotice
 from ..kit.worker import Worker
+from ..planning.opened_ahead import AHEAD
 from ..planning.remote_reading import RemoteReading
 
 if TYPE_CHECKING:
@@ -71,6 +72,9 @@ def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, col
     from ...grid import open_scene as grid_scene
     from ...readers.formats import takes_columns
 
+    ahead = None if moves or not cache else AHEAD.take(paths, match=match, columns=columns)
+    if ahead is not None:
+        return ahead
     columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
     return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns, moves=moves)
 
@@ -86,6 +90,8 @@ def preview_scene(paths: list[Path], *, detail: int = 0, cache: bool = True, mat
 
     at_addresses = any(address_in(path) for path in paths)
     if detail >= (len(_FINER) if at_addresses else 1):
+        return None
+    if cache and not moves and AHEAD.opens(paths, match=match, columns=columns):
         return None
     upper = _upper_levels(paths, detail) if at_addresses else []
     files = as_paths(paths, fetch=False)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from ....model.common.loop_cache import NOTICE
 from ...picture.settings import MEMORY, Memory, Settings
+from ...readers.remote.address import is_address
+from ..planning.opened_ahead import AHEAD
 from ..session.preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
 from .app import App
 from .warm_up import WarmUp
@@ -34,11 +36,12 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     started: called once, after the first picture, or where there is none after five seconds.
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    sys.setswitchinterval(_SWITCH_S)
     kept = read_preferences()
     settings = with_preferences(settings, kept, sys.argv[1:])
     neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
     first = replace(settings, view="filled") if neural_later else settings
+    if cache and all(path.suffix.lower() != ".pointglass" and not is_address(path) for path in paths):
+        AHEAD.begin(paths, match=match, columns=columns)
     app = App(first, size=(kept.width, kept.height), cache=cache, match=match, memory=memory, start=start, columns=columns)
     take_preferences(app.session, kept)
     NOTICE.tell = app.say_compiling
@@ -53,6 +56,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
             if starting and (app.session.picture.made is not None or not paths or perf_counter() - begun > _START_S):
                 starting = False
                 started()
+                sys.setswitchinterval(_SWITCH_S)
             if neural_later and app.session.picture.made is not None:
                 neural_later = False
                 if app.session.screen.drawn == ("filled",) and app.session.work.project is None:  # else another was chosen
