@@ -65,7 +65,7 @@ def start_job(app, job: str, folder: Path) -> list:
 
         return [Worker(comparisons, "Comparing", wake, niceness=BESIDE)]
     if job == "convert":
-        from pointglass.viewer.window.session.loading import open_scene
+        from pointglass.viewer.window.planning.opened_ahead import open_scene
 
         def conversions() -> None:
             while True:

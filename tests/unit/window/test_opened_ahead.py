@@ -8,6 +8,7 @@ from pointglass.viewer.common.errors import Cancelled
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.grid import open_scene as opening
 from pointglass.viewer.grid.scene import packed
+from pointglass.viewer.window.planning import opened_ahead
 from pointglass.viewer.window.planning.opened_ahead import OpenedAhead
 from pointglass.viewer.window.session import loading
 
@@ -25,14 +26,15 @@ def files(tmp_path, monkeypatch):
 
 def test_the_load_of_the_same_files_takes_what_was_opened_and_the_next_one_opens_them_itself(files, monkeypatch):
     ahead = OpenedAhead()
-    monkeypatch.setattr(loading, "AHEAD", ahead)
+    for module in (loading, opened_ahead):
+        monkeypatch.setattr(module, "AHEAD", ahead)
     ahead.begin([files[0].parent], **AS_GIVEN)
     assert loading.preview_scene(files) is None  # as it would be without
     assert not ahead.opens(files[:1], **AS_GIVEN) and not ahead.opens(files, match=False, columns=None)
     opened = []
     real = opening.open_scene
     monkeypatch.setattr(opening, "open_scene", lambda *given, **options: opened.append(given) or real(*given, **options))
-    first, second = loading.open_scene(files), loading.open_scene(files)
+    first, second = opened_ahead.open_scene(files), opened_ahead.open_scene(files)
     assert len(opened) == 1 and first is not second
     (ahead := OpenedAhead()).begin(files, **AS_GIVEN)
     assert ahead.take(files[:1], **AS_GIVEN) is None and ahead.take(files, **AS_GIVEN) is None  # another load came first

@@ -1,7 +1,7 @@
 """Opens a scan whose grids are in the cache while the window is still being imported and made.
 
 A place of a thousand grids takes half a second to open, on a thread that the window's own start does not wait for.  What was
-opened is taken once, by the load that asks for the same files (viewer.window.session.loading); other loads do not notice.
+opened is taken once, by the load that asks for the same files (:func:`open_scene`); other loads do not notice.
 """
 
 import contextlib
@@ -15,6 +15,7 @@ from ...common.progress import progress, set_sink
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
+    from ...readers.moved_source import Moves
 
 _LOOK_S = 0.05
 """Seconds between two looks at whether the load that waits was cancelled."""
@@ -82,3 +83,16 @@ class OpenedAhead:
 
 AHEAD = OpenedAhead()
 """Of this process, begun with its window (viewer.window.shell.run_window)."""
+
+
+def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None,
+               moves: "Moves | None" = None) -> "Scene":
+    """The scans as one scene.  cache, match, columns, moves: as in viewer.grid.open_scene."""
+    from ...grid import open_scene as grid_scene
+    from ...readers.formats import takes_columns
+
+    ahead = None if moves or not cache else AHEAD.take(paths, match=match, columns=columns)
+    if ahead is not None:
+        return ahead
+    columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
+    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns, moves=moves)

@@ -66,19 +66,6 @@ def scan_notices(meta: ScanDescription) -> list[ScanNotice]:
     return notices
 
 
-def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None,
-               moves: "Moves | None" = None) -> "Scene":
-    """The scans as one scene.  cache, match, columns, moves: as in viewer.grid.open_scene."""
-    from ...grid import open_scene as grid_scene
-    from ...readers.formats import takes_columns
-
-    ahead = None if moves or not cache else AHEAD.take(paths, match=match, columns=columns)
-    if ahead is not None:
-        return ahead
-    columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
-    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns, moves=moves)
-
-
 def preview_scene(paths: list[Path], *, detail: int = 0, cache: bool = True, match: bool = True, columns: str | None = None,
                   moves: "Moves | None" = None) -> "Scene | None":
     """A coarse scene within about a second; None where the complete one opens as fast.

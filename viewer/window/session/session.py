@@ -29,7 +29,7 @@ from ...render.frame import FrameCost
 from ...work.document import Document
 from ..flight.flight import Flight
 from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
-from ..planning import networks
+from ..planning import networks, opened_ahead
 from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
 from ..planning.window_area import WindowArea
@@ -62,7 +62,7 @@ class Session:
         settings: Settings,
         size: tuple[int, int],
         *,
-        open_scene: "Callable[[list[Path]], Scene]" = loading.open_scene,
+        open_scene: "Callable[[list[Path]], Scene]" = opened_ahead.open_scene,
         load_network: Callable[[Settings], None] = networks.load_network,
         clock: Callable[[], float] = perf_counter,
         wake: Callable[[], None] = lambda: None,

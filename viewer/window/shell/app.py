@@ -26,8 +26,9 @@ from ..kit.chosen_button import ChosenButton
 from ..kit.clipboard import SystemClipboard
 from ..panels.missing_scans import MissingScansDialog
 from ..panels.start_page import StartPage
+from ..planning.opened_ahead import open_scene
 from ..saving.save_actions import SaveActions
-from ..session.loading import Loaded, open_scene, preview_scene
+from ..session.loading import Loaded, preview_scene
 from ..session.project_flow import ProjectFlow
 from ..session.recent import last_view
 from ..session.session import Session
