@@ -23,12 +23,12 @@ from .blend_rows import (
     blur_row,
     contrast_row,
     finish_row,
-    guide_row,
     half_band_row,
     mean_row,
     square_means,
     square_row,
     start_row,
+    unpacked_rows,
     unshuffled_rows,
 )
 from .unet import BLENDS, CONTRAST_AT, INPUT_CHANNELS, MEAN_BLOCK
@@ -38,7 +38,7 @@ _LEAST_ROWS = 32
 
 
 @compiled(nogil=True)
-def _make(packed, blocks, block, means, made, first, last):
+def _make(packed, channels, block, means, made, first, last):
     """Writes rows ``first`` to ``last`` of the picture to made (H, W, 4).
 
     Blur k reads 2**k rows up and down, so its row y is computed 2**(k + 1) - 1 rows after row y of the picture.  Its input
@@ -50,11 +50,11 @@ def _make(packed, blocks, block, means, made, first, last):
     out, limit = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, width), np.float32)
     allowed = np.empty((behind + 1, 3, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
-    unpacked, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
-    guide = np.empty((1 + BLENDS, 5, width), np.float32)  # rings of the channels' rows, filled up to had
-    had = np.full(1 + BLENDS, max(first - 2, 0))
+    row_of = np.empty(width, np.float32)
+    light, had = np.empty((5, width), np.float32), max(first - 2, 0)  # a ring of rows, filled up to had
+    wide = channels.shape[2] // block
     around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
-    left, part = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
+    left, part = np.empty(wide, np.int32), np.empty(wide, np.float32)
     between(block, means.shape[2], left, part)
     for row in range(max(first - behind, 0), last + behind):
         if row < height:
@@ -77,26 +77,19 @@ def _make(packed, blocks, block, means, made, first, last):
             if y < first or y >= last:
                 continue
             place = y % (behind + 1)
-            channel = 1 + number
-            while had[channel] < min(y + 3, height):
-                guide_row(blocks, block, channel, had[channel], unpacked)
-                guide[channel, had[channel] % 5] = unpacked[:width]
-                had[channel] += 1
-            half_band_row(guide[channel], y, height, line, row_of)
+            half_band_row(channels[1 + number], height, y, height, line, row_of)
             if number == 0:
                 allow_row(packed[y], smooth, allowed[place])
             blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
                 contrast_row(smooth, limit[place])
             if number + 1 == BLENDS:
-                while had[0] < min(y + 3, height):
-                    guide_row(blocks, block, 0, had[0], unpacked)
-                    mean_row(means, block, had[0], left, part, column, around)
-                    np.subtract(unpacked[:width], around, guide[0, had[0] % 5])
-                    had[0] += 1
-                half_band_row(guide[0], y, height, line, row_of)
-                guide_row(blocks, block, 1 + BLENDS, y, unpacked)
-                finish_row(packed[y], out[place], row_of, unpacked[:width], limit[place], allowed[place], made[y])
+                while had < min(y + 3, height):
+                    mean_row(means, block, had, left, part, column, around)
+                    np.subtract(channels[0, had, :width], around, light[had % 5])
+                    had += 1
+                half_band_row(light, 5, y, height, line, row_of)
+                finish_row(packed[y], out[place], row_of, channels[1 + BLENDS, y, :width], limit[place], allowed[place], made[y])
 
 
 class Blender:
@@ -106,7 +99,7 @@ class Blender:
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "blend")
         self._lock = threading.Lock()
-        self._made = np.empty(0, np.float32)
+        self._made, self._pixels = np.empty(0, np.float32), np.empty(0, np.float32)
         self._floats: dict[str, np.ndarray] = {}
 
     def __call__(self, packed: Tensor, blocks: Tensor, block: int) -> Tensor:
@@ -117,7 +110,9 @@ class Blender:
         the CPU.
         """
         with self._lock:  # held until the result is copied: the next call overwrites the buffers
-            made = self.made(self._float32("packed", packed), self._float32("blocks", blocks), block)
+            bits = blocks if blocks.dtype == torch.bfloat16 else blocks.float()
+            bits = bits.contiguous().view(torch.int16 if bits.dtype == torch.bfloat16 else torch.int32).numpy()
+            made = self.made(self._float32("packed", packed), bits.view(f"u{bits.itemsize}"), block)
             return torch.from_numpy(made).half()
 
     def space_to_depth(self, packed: Tensor, block: int, multiple: int) -> Tensor:
@@ -142,15 +137,29 @@ class Blender:
         return kept
 
     def made(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
-        """The same in float32; the result is overwritten by the next call.  For one thread at a time."""
+        """The same in float32; the result is overwritten by the next call.  For one thread at a time.
+
+        blocks: the bits of float32 or bfloat16 numbers, uint32 or uint16.
+        """
         height, width = packed.shape[:2]
+        guide = self._guide(blocks, block)
         if self._made.size < height * width * 4:
             self._made = np.empty(height * width * 4, np.float32)
         made = self._made[: height * width * 4].reshape(height, width, 4)
         means = np.empty((-(-height // MEAN_BLOCK), block * block, -(-width // MEAN_BLOCK)), np.float32)
-        self._rows(len(means), 1, square_means, blocks, block, height, width, means)
-        self._rows(height, _LEAST_ROWS, _make, packed, blocks, block, means, made)
+        self._rows(len(means), 1, square_means, guide[0], block, height, width, means)
+        self._rows(height, _LEAST_ROWS, _make, packed, guide, block, means, made)
         return made
+
+    def _guide(self, blocks: np.ndarray, block: int) -> np.ndarray:
+        """(channels, h * block, w * block) float32: the network's output by pixels."""
+        height, wide, channels = blocks.shape
+        size = blocks.size
+        if len(self._pixels) < size:
+            self._pixels = np.empty(size, np.float32)
+        guide = self._pixels[:size].reshape(channels // block**2, height * block, wide * block)
+        self._rows(height, _LEAST_ROWS // block, unpacked_rows, blocks, block, 8 * (4 - blocks.itemsize), guide.view(np.uint32))
+        return guide
 
     def _rows(self, height: int, least: int, work, *arguments) -> None:
         """Distributes rows over the threads, at least ``least`` rows each."""

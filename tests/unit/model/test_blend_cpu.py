@@ -55,7 +55,7 @@ def test_agrees_with_torch_at_any_size(seed, block, mask):
     for height, width in sizes:
         packed = _packed(rng, int(height), int(width), mask)
         plain = _in_torch(network, packed)
-        fast = torch.from_numpy(blender.made(packed.numpy(), _blocks(network, packed), block))
+        fast = torch.from_numpy(blender.made(packed.numpy(), _blocks(network, packed).view(np.uint32), block))
         assert (plain - fast).abs().max() < 2e-5, (height, width)
         spread = max(spread, float(fast[..., :3].std(unbiased=False)))
     assert spread > 0.05
@@ -99,7 +99,7 @@ def test_nan_becomes_black_and_the_output_is_in_range(seed):
     packed[5, 5, 0], packed[20, 20, 2], packed[30, 9, 1] = float("nan"), float("inf"), -float("inf")
     blocks = rng.normal(0.0, 0.5, (20, 20, 4 * (2 + BLENDS))).astype(np.float32)
     blocks[3, 3, : 4 * (1 + BLENDS)] = np.nan
-    made = Blender(2).made(packed.numpy(), blocks, 2)
+    made = Blender(2).made(packed.numpy(), blocks.view(np.uint32), 2)
     assert np.isfinite(made).all() and made.min() >= 0 and made.max() <= 1
     assert not made[6:8, 6:8, :3].any() and made[39, 39, :3].any()
 
