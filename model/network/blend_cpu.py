@@ -38,27 +38,37 @@ _LEAST_ROWS = 32
 
 
 @compiled(nogil=True)
-def _make(packed, channels, block, means, made, first, last):
-    """Writes rows ``first`` to ``last`` of the picture to made (H, W, 4).
+def _subtract_means(channel, means, block, width, first, last):
+    """Subtracts the interpolated ``means`` from rows ``first`` to ``last`` of a channel (H, W or more), in place."""
+    wide = channel.shape[1] // block
+    around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
+    left, part = np.empty(wide, np.int32), np.empty(wide, np.float32)
+    between(block, means.shape[2], left, part)
+    for y in range(first, last):
+        mean_row(means, block, y, left, part, column, around)
+        row = channel[y]
+        for x in range(width):
+            row[x] -= around[x]
+
+
+@compiled(nogil=True)
+def _make(packed, channels, made, first, last):
+    """Writes rows ``first`` to ``last`` of the picture to made (H, W, 4).  packed: (PACKED_IN, H, W).  channels:
+    (2 + BLENDS, H, W) or larger, the first without its means.
 
     Blur k reads 2**k rows up and down, so its row y is computed 2**(k + 1) - 1 rows after row y of the picture.  Its input
     sums are stored in a ring of 2 * 2**k + 1 rows, the blended picture in a ring of all rows in progress.
     """
-    height, width = packed.shape[0], packed.shape[1]
+    height, width = packed.shape[1], packed.shape[2]
     behind = 2**BLENDS - 1
     kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # ring k begins at row 2**(k + 1) - 2 + k
     out, limit = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, width), np.float32)
     allowed = np.empty((behind + 1, 3, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
     row_of = np.empty(width, np.float32)
-    light, had = np.empty((5, width), np.float32), max(first - 2, 0)  # a ring of rows, filled up to had
-    wide = channels.shape[2] // block
-    around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
-    left, part = np.empty(wide, np.int32), np.empty(wide, np.float32)
-    between(block, means.shape[2], left, part)
     for row in range(max(first - behind, 0), last + behind):
         if row < height:
-            start_row(packed[row], kept[row % 3], out[row % (behind + 1)])
+            start_row(packed, row, kept[row % 3], out[row % (behind + 1)])
         for number in range(BLENDS):
             reach, late = 2**number, 2 ** (number + 1) - 1
             y = row - late
@@ -77,19 +87,16 @@ def _make(packed, channels, block, means, made, first, last):
             if y < first or y >= last:
                 continue
             place = y % (behind + 1)
-            half_band_row(channels[1 + number], height, y, height, line, row_of)
+            half_band_row(channels[1 + number], y, height, line, row_of)
             if number == 0:
-                allow_row(packed[y], smooth, allowed[place])
+                allow_row(packed, y, smooth, allowed[place])
             blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
                 contrast_row(smooth, limit[place])
             if number + 1 == BLENDS:
-                while had < min(y + 3, height):
-                    mean_row(means, block, had, left, part, column, around)
-                    np.subtract(channels[0, had, :width], around, light[had % 5])
-                    had += 1
-                half_band_row(light, 5, y, height, line, row_of)
-                finish_row(packed[y], out[place], row_of, channels[1 + BLENDS, y, :width], limit[place], allowed[place], made[y])
+                half_band_row(channels[0], y, height, line, row_of)
+                finish_row(packed, y, out[place], row_of, channels[1 + BLENDS, y, :width], limit[place], allowed[place],
+                           made[y])  # fmt: skip
 
 
 class Blender:
@@ -105,9 +112,9 @@ class Blender:
     def __call__(self, packed: Tensor, blocks: Tensor, block: int) -> Tensor:
         """(H, W, 4) half, RGB and coverage 0..1.
 
-        packed: (H, W, 8), model/network/network_layout.py.  blocks: (h, w, (2 + BLENDS) * block**2), the output of the
-        network's head before its blocks are unpacked to pixels, at least as large as the picture.  Both in any precision, on
-        the CPU.
+        packed: (PACKED_IN, H, W), the channels of model/network/network_layout.py.  blocks: (h, w, (2 + BLENDS) * block**2),
+        the output of the network's head before its blocks are unpacked to pixels, at least as large as the picture.  Both in
+        any precision, on the CPU.
         """
         with self._lock:  # held until the result is copied: the next call overwrites the buffers
             bits = blocks if blocks.dtype == torch.bfloat16 else blocks.float()
@@ -118,9 +125,9 @@ class Blender:
     def space_to_depth(self, packed: Tensor, block: int, multiple: int) -> Tensor:
         """(1, INPUT_CHANNELS * block**2, h, w) float32, channels last, in the order of torch's ``pixel_unshuffle``.
 
-        packed: (H, W, 8) contiguous float32, padded to sides that are multiples of ``multiple`` by repeating its edge.
+        packed: (PACKED_IN, H, W) contiguous float32, padded to sides that are multiples of ``multiple`` by repeating its edge.
         """
-        height, width = (-(-side // multiple) * multiple // block for side in packed.shape[:2])
+        height, width = (-(-side // multiple) * multiple // block for side in packed.shape[1:])
         made = np.empty((height, width, INPUT_CHANNELS * block * block), np.float32)
         self._rows(height, _LEAST_ROWS, unshuffled_rows, packed.numpy(), block, made)
         return torch.from_numpy(made)[None].permute(0, 3, 1, 2)
@@ -141,14 +148,15 @@ class Blender:
 
         blocks: the bits of float32 or bfloat16 numbers, uint32 or uint16.
         """
-        height, width = packed.shape[:2]
+        height, width = packed.shape[1:]
         guide = self._guide(blocks, block)
         if self._made.size < height * width * 4:
             self._made = np.empty(height * width * 4, np.float32)
         made = self._made[: height * width * 4].reshape(height, width, 4)
         means = np.empty((-(-height // MEAN_BLOCK), block * block, -(-width // MEAN_BLOCK)), np.float32)
         self._rows(len(means), 1, square_means, guide[0], block, height, width, means)
-        self._rows(height, _LEAST_ROWS, _make, packed, guide, block, means, made)
+        self._rows(height, _LEAST_ROWS, _subtract_means, guide[0], means, block, width)
+        self._rows(height, _LEAST_ROWS, _make, packed, guide, made)
         return made
 
     def _guide(self, blocks: np.ndarray, block: int) -> np.ndarray:

@@ -17,41 +17,43 @@ _F = np.float32
 
 @compiled(nogil=True)
 def unshuffled_rows(packed, block, made, first, last):
-    """Writes rows ``first`` to ``last`` of made (h, w, channels * block**2): packed (H, W, >= channels) in blocks, channel by
-    channel, edges repeated."""
-    height, width, channels = packed.shape[0], packed.shape[1], made.shape[2] // (block * block)
+    """Writes rows ``first`` to ``last`` of made (h, w, channels * block**2): packed (channels or more, H, W) in blocks, channel
+    by channel, edges repeated."""
+    height, width, channels = packed.shape[1], packed.shape[2], made.shape[2] // (block * block)
     for v in range(first, last):
         whole = 0
-        if block == 2 and channels == 6 and 2 * v + 1 < height:  # the shipped networks': a third of the time
-            whole = width // 2
-            upper, lower, out = packed[2 * v], packed[2 * v + 1], made[v]
-            for u in range(whole):
-                for c in range(6):
-                    out[u, 4 * c], out[u, 4 * c + 1] = upper[2 * u, c], upper[2 * u + 1, c]
-                    out[u, 4 * c + 2], out[u, 4 * c + 3] = lower[2 * u, c], lower[2 * u + 1, c]
-        for i in range(block):
-            line = packed[min(v * block + i, height - 1)]
-            for u in range(whole, made.shape[1]):
-                for j in range(block):
-                    x = min(u * block + j, width - 1)
-                    for c in range(channels):
-                        made[v, u, (c * block + i) * block + j] = line[x, c]
+        if block == 2 and channels == 6 and 2 * v + 1 < height:  # the shipped networks', with numbers that the compiler knows
+            whole, out = width // 2, made[v]
+            for c in range(6):
+                upper, lower = packed[c, 2 * v], packed[c, 2 * v + 1]
+                for u in range(whole):
+                    out[u, 4 * c], out[u, 4 * c + 1] = upper[2 * u], upper[2 * u + 1]
+                    out[u, 4 * c + 2], out[u, 4 * c + 3] = lower[2 * u], lower[2 * u + 1]
+        for c in range(channels):
+            for i in range(block):
+                line = packed[c, min(v * block + i, height - 1)]
+                for u in range(whole, made.shape[1]):
+                    for j in range(block):
+                        made[v, u, (c * block + i) * block + j] = line[min(u * block + j, width - 1)]
 
 
 @compiled(nogil=True)
-def start_row(packed, sums, out):
-    """Initialises a row: sums (>= 4, W), weighted colours and weight, and out (3, W), the picture.  packed: (W, 8)."""
-    for x in range(packed.shape[0]):
-        red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
-        weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
-        out[0, x], out[1, x], out[2, x] = red, green, blue
-        sums[0, x], sums[1, x], sums[2, x], sums[3, x] = red * weight, green * weight, blue * weight, weight
+def start_row(packed, y, sums, out):
+    """Initialises row y: sums (>= 4, W), weighted colours and weight, and out (3, W), the picture.  packed: (8, H, W)."""
+    measured, weight = packed[3, y], sums[3]
+    for x in range(len(weight)):
+        weight[x] = measured[x] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
+    for plane in range(3):
+        value, total, first = packed[plane, y], sums[plane], out[plane]
+        for x in range(len(weight)):
+            first[x] = value[x]
+            total[x] = value[x] * weight[x]
 
 
 @compiled(nogil=True)
 def unpacked_rows(blocks, block, shift, guide, first, last):
-    """Unpacks rows ``first`` to ``last`` of the network's blocks (h, w, channels * block**2) to pixels: guide (channels, h * block,
-    w * block), both the bits of numbers, uint32 or, with a shift of 16, uint16 of bfloat16."""
+    """Unpacks rows ``first`` to ``last`` of the network's blocks (h, w, channels * block**2) to pixels: guide (channels,
+    h * block, w * block), both the bits of numbers, uint32 or, with a shift of 16, uint16 of bfloat16."""
     channels, wide = guide.shape[0], blocks.shape[1]
     for v in range(first, last):
         line = blocks[v]
@@ -90,20 +92,19 @@ def blend_row(sharp, smooth, share, out):
 
 
 @compiled(nogil=True)
-def allow_row(packed, smooth, allowed):
+def allow_row(packed, y, smooth, allowed):
     """Sets by how much the final picture may differ from the filled one: allowed (3, W).
 
-    packed: (W, 8).  smooth: (>= 4, W), sums of the first blur.
+    packed: (8, H, W).  smooth: (>= 4, W), sums of the first blur.
     """
-    red, green, blue, weight = smooth[0], smooth[1], smooth[2], smooth[3]
-    of_red, of_green, of_blue = allowed[0], allowed[1], allowed[2]
-    for x in range(len(red)):
-        noise, measured = _F(KEPT_DEVIATIONS / NOISE_SCALE) * packed[x, 5], packed[x, 3]
-        part = _F(1.0) / measured if measured > _F(0.0) else _F(0.0)
-        least = _F(0.0) if measured > _F(0.0) else _F(1.0)
-        of_red[x] = (noise + abs(packed[x, 0] - red[x] / weight[x])) * part + least
-        of_green[x] = (noise + abs(packed[x, 1] - green[x] / weight[x])) * part + least
-        of_blue[x] = (noise + abs(packed[x, 2] - blue[x] / weight[x])) * part + least
+    weight, level, confidence = smooth[3], packed[5, y], packed[3, y]
+    for plane in range(3):
+        value, total, made = packed[plane, y], smooth[plane], allowed[plane]
+        for x in range(len(weight)):
+            noise, measured = _F(KEPT_DEVIATIONS / NOISE_SCALE) * level[x], confidence[x]
+            part = _F(1.0) / measured if measured > _F(0.0) else _F(0.0)
+            least = _F(0.0) if measured > _F(0.0) else _F(1.0)
+            made[x] = (noise + abs(value[x] - total[x] / weight[x])) * part + least
 
 
 @compiled(nogil=True)
@@ -208,14 +209,14 @@ def mean_row(means, block, y, left, share, column, row):
 
 
 @compiled(nogil=True)
-def half_band_row(rows, kept, y, height, line, row):
+def half_band_row(channel, y, height, line, row):
     """Row y of a channel without its pixel-frequency pattern (model.network.unet.without_mesh), edges repeated.
 
-    rows: (kept, W), row k of the channel at k % kept.  line: scratch, (W + 4,).
+    channel: (H, W or more).  line: scratch, (W + 4,).
     """
     width = len(row)
-    a, b, c = rows[max(y - 2, 0) % kept], rows[max(y - 1, 0) % kept], rows[y % kept]
-    d, e = rows[min(y + 1, height - 1) % kept], rows[min(y + 2, height - 1) % kept]
+    a, b, c = channel[max(y - 2, 0)], channel[max(y - 1, 0)], channel[y]
+    d, e = channel[min(y + 1, height - 1)], channel[min(y + 2, height - 1)]
     middle = line[2 : 2 + width]
     for x in range(width):
         middle[x] = _F(_MIDDLE) * c[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
@@ -226,9 +227,10 @@ def half_band_row(rows, kept, y, height, line, row):
 
 
 @compiled(nogil=True)
-def finish_row(packed, out, light, cover, limit, allowed, made):
-    """Corrects luminance, keeps what was measured, and sets coverage: made (W, 4) float32, 0..1, never NaN.
+def finish_row(packed, y, out, light, cover, limit, allowed, made):
+    """Corrects luminance, keeps what was measured, and sets coverage of row y: made (W, 4) float32, 0..1, never NaN.
 
+    packed: (8, H, W).
     light, cover, limit: (W,) correction, which is overwritten, coverage less 1, and bound of the correction.  allowed: (3, W),
     largest difference from the filled picture.
     """
@@ -238,8 +240,9 @@ def finish_row(packed, out, light, cover, limit, allowed, made):
         change = limit[x] * tanh(light[x] / limit[x])
         luma = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
         light[x] = _F(1.0) + change / max(luma, _F(LEAST_LUMINANCE))
+    given_red, given_green, given_blue, closed = packed[0, y], packed[1, y], packed[2, y], packed[CLOSED, y]
     for x in range(len(light)):
-        made[x, 0] = _unit(_kept(red[x] * light[x], packed[x, 0], of_red[x]))
-        made[x, 1] = _unit(_kept(green[x] * light[x], packed[x, 1], of_green[x]))
-        made[x, 2] = _unit(_kept(blue[x] * light[x], packed[x, 2], of_blue[x]))
-        made[x, 3] = max(_unit(_F(1.0) + cover[x]), packed[x, CLOSED])
+        made[x, 0] = _unit(_kept(red[x] * light[x], given_red[x], of_red[x]))
+        made[x, 1] = _unit(_kept(green[x] * light[x], given_green[x], of_green[x]))
+        made[x, 2] = _unit(_kept(blue[x] * light[x], given_blue[x], of_blue[x]))
+        made[x, 3] = max(_unit(_F(1.0) + cover[x]), closed[x])

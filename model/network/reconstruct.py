@@ -173,7 +173,7 @@ class Reconstructor:
 
     def _merged_on_cpu(self, packed: Tensor, levels: int) -> Tensor:
         """The same as ``merged``, in compiled loops."""
-        packed = packed.float().contiguous()
+        packed = packed.float()
         large = min(packed.shape[:2]) >= LEAST_SIDE
         shares = sparse_blocks(packed.numpy()) if levels and large else np.zeros(0)
         made = self._averaged(packed)
@@ -204,6 +204,6 @@ class Reconstructor:
         """The same, with everything but the convolutions in compiled loops."""
         network = self.network
         assert isinstance(network, CompactUNet)
-        packed = packed.float().contiguous()
+        packed = packed.permute(2, 0, 1).float().contiguous()  # no copy of what viewer.render.passes.fill_cpu makes
         cells = blend.space_to_depth(packed, network.block, network.multiple)
         return blend(packed, network.convolve(cells.to(self.dtype))[0].permute(1, 2, 0), network.block)

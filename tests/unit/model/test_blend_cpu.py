@@ -31,6 +31,10 @@ def _packed(rng, height, width, mask="random") -> torch.Tensor:
     return packed
 
 
+def _planes(packed) -> torch.Tensor:
+    return packed.permute(2, 0, 1).contiguous()
+
+
 @torch.inference_mode()
 def _in_torch(network, packed) -> torch.Tensor:
     x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].contiguous()
@@ -55,7 +59,7 @@ def test_agrees_with_torch_at_any_size(seed, block, mask):
     for height, width in sizes:
         packed = _packed(rng, int(height), int(width), mask)
         plain = _in_torch(network, packed)
-        fast = torch.from_numpy(blender.made(packed.numpy(), _blocks(network, packed).view(np.uint32), block))
+        fast = torch.from_numpy(blender.made(_planes(packed).numpy(), _blocks(network, packed).view(np.uint32), block))
         assert (plain - fast).abs().max() < 2e-5, (height, width)
         spread = max(spread, float(fast[..., :3].std(unbiased=False)))
     assert spread > 0.05
@@ -69,7 +73,7 @@ def test_the_input_in_blocks_equals_torchs(seed, block):
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
         for multiple in (block, 8 * block):
             padded = torch.nn.functional.pad(x, (0, -width % multiple, 0, -height % multiple), mode="replicate")
-            made = Blender(2).space_to_depth(packed, block, multiple)
+            made = Blender(2).space_to_depth(_planes(packed), block, multiple)
             assert torch.equal(made, torch.nn.functional.pixel_unshuffle(padded, block))
             assert made.is_contiguous(memory_format=torch.channels_last)
 
@@ -78,7 +82,7 @@ def test_the_result_does_not_depend_on_threads_or_callers(seed):
     rng = np.random.default_rng(seed)
     network = _network(rng)
     pictures = [_packed(rng, 361, 483), _packed(rng, 120, 333)]
-    inputs = [(packed, torch.from_numpy(_blocks(network, packed)), 2) for packed in pictures]
+    inputs = [(_planes(packed), torch.from_numpy(_blocks(network, packed)), 2) for packed in pictures]
     once = [Blender(1)(*given) for given in inputs]
     for threads in (2, 3, 100):
         assert torch.equal(Blender(threads)(*inputs[0]), once[0])
@@ -99,7 +103,7 @@ def test_nan_becomes_black_and_the_output_is_in_range(seed):
     packed[5, 5, 0], packed[20, 20, 2], packed[30, 9, 1] = float("nan"), float("inf"), -float("inf")
     blocks = rng.normal(0.0, 0.5, (20, 20, 4 * (2 + BLENDS))).astype(np.float32)
     blocks[3, 3, : 4 * (1 + BLENDS)] = np.nan
-    made = Blender(2).made(packed.numpy(), blocks.view(np.uint32), 2)
+    made = Blender(2).made(_planes(packed).numpy(), blocks.view(np.uint32), 2)
     assert np.isfinite(made).all() and made.min() >= 0 and made.max() <= 1
     assert not made[6:8, 6:8, :3].any() and made[39, 39, :3].any()
 

@@ -203,7 +203,7 @@ class NeuralStage:
             self._kept = self._kept or KeptPhotographs(self.context, self.photographs)
             self._kept.take(self.photographs)
         assert isinstance(self.bridge, ReadBackBridge)
-        packed, run = self.bridge.sent().copy(), self._run
+        packed, run = self.bridge.sent().copy("K"), self._run
 
         def work() -> np.ndarray:
             import torch

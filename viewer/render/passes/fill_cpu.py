@@ -25,14 +25,14 @@ _LEAST_ROWS = 16
 """Fewest rows of a thread, of pixels or blocks: as of the depth filter, whose rows take half the time."""
 _THREADED = 2
 """Levels whose rows are distributed over threads; the coarser ones together take less time than handing them over."""
-_NO_FLOATS = np.empty(0, np.float32)
+_NO_FLOATS, _NO_CHANNELS = np.empty(0, np.float32), np.empty((PACKED_IN, 0), np.float32)
 
 
 class CpuFill(Fill):
     """Owns the planes of one picture size, besides Fill's textures.
 
     shown: (P,) uint32 RGBA8, the filled picture.  packed: (H, W, PACKED_IN) float32, the network's input of the last picture
-    for which it was asked, values of half floats.
+    for which it was asked, values of half floats; in memory channel after channel.
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
@@ -45,7 +45,7 @@ class CpuFill(Fill):
         self._levels = np.array(rows, np.int64)
         self._planes = np.zeros((PLANES, start), np.float32)
         self.shown = np.empty(size[0] * size[1], np.uint32)
-        self.packed = np.empty((0, 0, PACKED_IN), np.float32)
+        self._channels = np.empty((PACKED_IN, 0), np.float32)
         self._depths = _NO_FLOATS
 
     def run_here(self, colours: np.ndarray, weights: np.ndarray, depths: np.ndarray, *, camera: "Camera", around: Directions,
@@ -70,6 +70,11 @@ class CpuFill(Fill):
                 in_rows(int(self._levels[number - 1, 3]), _LEAST_ROWS, push_level, pyramid, number, noisy)
         self._write(given, pyramid, self._around(camera, around, view), network=network, with_depth=with_depth)
 
+    @property
+    def packed(self) -> np.ndarray:
+        width, height = self.size
+        return self._channels.reshape(PACKED_IN, height, width).transpose(1, 2, 0)
+
     def _test_holes(self, camera: "Camera", around: Directions) -> None:
         """Runs the hole test on the weights of the levels that it reads."""
         for texture, (start, stride, width, height) in zip(self._weights[:2], self._levels[:2].tolist(), strict=False):
@@ -92,10 +97,9 @@ class CpuFill(Fill):
         if with_depth:
             self.depth = self.depth or self.context.texture(self.size, 1, dtype="f4")
             self._depths = self._depths if len(self._depths) else np.empty(width * height, np.float32)
-        if network and not self.packed.size:
-            self.packed = np.empty((height, width, PACKED_IN), np.float32)
-        made = Filled(self.shown, self._depths if with_depth else _NO_FLOATS,
-                      self.packed.reshape(-1) if network else _NO_FLOATS)
+        if network and not self._channels.size:
+            self._channels = np.empty((PACKED_IN, width * height), np.float32)
+        made = Filled(self.shown, self._depths if with_depth else _NO_FLOATS, self._channels if network else _NO_CHANNELS)
         in_rows(int(self._levels[0, 3]), _LEAST_ROWS, picture_rows, given, pyramid, around, made)
         self.filled.write(self.shown)
         if with_depth and self.depth is not None:

@@ -30,8 +30,8 @@ class Around(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """What is written, flat.  shown: (P,) uint32 RGBA8.  depth: (P,) float32, or empty.  packed: (PACKED_IN * P,) float32,
-    values of half floats, or empty."""
+    """What is written, flat.  shown: (P,) uint32 RGBA8.  depth: (P,) float32, or empty.  packed: (PACKED_IN, P) float32,
+    values of half floats, or (PACKED_IN, 0)."""
 
     shown: np.ndarray
     depth: np.ndarray
@@ -107,16 +107,6 @@ def halves(line):
 
 
 @compiled(nogil=True)
-def _packed_row(channels, packed):
-    """packed: (PACKED_IN * width,) of channels (PACKED_IN, >= width)."""
-    for c in range(PACKED_IN):
-        halves(channels[c])
-    for x in range(len(packed) // PACKED_IN):
-        for c in range(PACKED_IN):
-            packed[PACKED_IN * x + c] = channels[c, x]
-
-
-@compiled(nogil=True)
 def _noise_row(near, far, unit, own, weight, line, made):
     """The noise level as the network takes it.  near, far: (across + 2,) rows of the level above."""
     factor = _F(0.0625) / unit
@@ -168,11 +158,15 @@ def picture_rows(given, pyramid, around, made, first, last):
             exp2_row(line, more)
             for x in range(width):
                 depth[x] = line[x] / given.feature_scale if alpha[x] == _F(1.0) else _F(0.0)
-        if len(made.packed) > 0:
+        if made.packed.shape[1] > 0:
             if planes == PLANES:
                 _noise_row(near[NOISE], far[NOISE], unit, own[NOISE], weight, wide, channels[5])
             channels[3][:width] = weight
             last_channel = channels[7]
             for x in range(width):
                 last_channel[x] = _F(1.0) - alpha[x]
-            _packed_row(channels, made.packed[PACKED_IN * y * width : PACKED_IN * (y + 1) * width])
+            for c in range(PACKED_IN):
+                row, value = made.packed[c, y * width : (y + 1) * width], channels[c]
+                for x in range(width):
+                    row[x] = value[x]
+                halves(row)
