@@ -38,18 +38,24 @@ def faces_of_blocks(faces, per, found):
             found[cell // per, axis] += face / SQUARES
 
 
+def scratch_of(blocks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Arrays that :func:`crowded` writes into, kept from frame to frame: depth of each block (B,) and their order (B,) int64,
+    how many have each depth, and where each lies in the picture (B, 5) float64."""
+    return np.empty(blocks, np.int64), np.empty(blocks, np.int64), np.empty(_BINS + 1, np.int64), np.empty((blocks, 5))
+
+
 @compiled(nogil=True)
-def crowded(blocks, faces, size, shift, rotation, lens, tiles, order, share):
+def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
     """Writes share (B,) float64, which share of the points wanted of a block is drawn: 1 where few surfaces are in front.
 
     blocks, size, shift, rotation, lens: as in visible_cells; of a pinhole camera.  faces: of faces_of_blocks.
-    tiles: (Y, X) float64 and order: (B,) int64, scratch.
+    tiles: (Y, X) float64, scratch.  scratch: of :func:`scratch_of`.
     """
+    key, order, count, place = scratch
     fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
     rows, columns = tiles.shape
     wide, tall = (left + right) / columns, (top + bottom) / rows
-    count = np.zeros(_BINS + 1, np.int64)
-    key, place = np.empty(blocks.shape[0], np.int64), np.empty((blocks.shape[0], 5))
+    count[:] = 0
     for block in range(blocks.shape[0]):
         share[block], key[block] = 1.0, -1
         px = blocks[block, 0] * size + shift[0]

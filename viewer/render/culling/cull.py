@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...grid.density_layers import part_extra
-from .crowding import TILE, crowded, faces_of_blocks
+from .crowding import TILE, crowded, faces_of_blocks, scratch_of
 from .cull_kernels import list_runs, visible_cells
 
 if TYPE_CHECKING:
@@ -67,7 +67,8 @@ class Culler:
         self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
         self._faces = np.empty((len(self._blocks), 3)) if len(self._coverage) else np.empty((0, 3))
         faces_of_blocks(self._coverage, block, self._faces)
-        self._order, self.share = np.empty(len(self._faces), np.int64), np.ones(len(self._faces))
+        self._scratch, self.share = scratch_of(len(self._faces)), np.ones(len(self._faces))
+        self._tiles = np.empty((0, 0))
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
         self._reserve(0)
@@ -103,8 +104,10 @@ class Culler:
         lens, shift = np.array([camera.fx, camera.fy, left, right, top, bottom]), self.scene.origin - camera.position
         share = self.share[:0]
         if lod > 0.0 and camera.orthographic is None and len(self._faces):
-            tiles, share = np.empty((-(-camera.height // TILE), -(-camera.width // TILE))), self.share
-            crowded(self._blocks, self._faces, size, shift, rotation, lens, tiles, self._order, share)
+            grid, share = (-(-camera.height // TILE), -(-camera.width // TILE)), self.share
+            if self._tiles.shape != grid:
+                self._tiles = np.empty(grid)
+            crowded(self._blocks, self._faces, size, shift, rotation, lens, self._tiles, self._scratch, share)
         found = visible_cells(
             self._coords, self._blocks, self._block, size, shift, rotation, lens, camera.orthographic or 0.0, sides, corner,
             lod, self._coverage, self._boxes, share, self._cells, self._cell_view, self._need,
