@@ -1,5 +1,5 @@
 // The neural picture of an earlier camera as the present one sees it, where both see the same surface; the filled picture
-// elsewhere, and as a bound: a moved colour never leaves the range of the filled picture's 3 x 3 pixels around it.
+// elsewhere, smoothed as far as the network smoothed the earlier one, and as a bound: a moved colour never leaves the range of the filled picture's 3 x 3 pixels around it.
 // Four pixels an invocation, which share what they read of the filled picture: software OpenGL pays for each fetch.
 // Reference implementation: model/reference/reprojection.py.
 
@@ -12,6 +12,7 @@ uniform mat3 turn;                // present view frame -> earlier view frame
 uniform vec3 shift;               // the present camera in the earlier view frame
 uniform vec4 ray;                 // 1 / fx, 1 / fy, -cx / fx, -cy / fy of the present camera
 uniform vec4 lens;                // fx, fy, cx, cy of the earlier camera
+uniform float smoothing;          // how far a pixel moves to the mean of its 3 x 3
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 layout(std430, binding = COMMANDS_BINDING) buffer Tally { uint moved; };  // of the pixels counted, those that were moved
 
@@ -51,6 +52,7 @@ void main() {
     // Range of three pixels above each other, for each of four columns and both rows of the four pixels.
     vec4 own[4];
     vec3 low[8], high[8];
+    vec4 sums[8];
     for (int x = 0; x < 4; ++x) {
         vec4 a = near(at + ivec2(x - 1, -1), size), b = near(at + ivec2(x - 1, 0), size);
         vec4 c = near(at + ivec2(x - 1, 1), size), d = near(at + ivec2(x - 1, 2), size);
@@ -59,6 +61,8 @@ void main() {
         high[x] = max(a.rgb, upper);
         low[4 + x] = min(lower, d.rgb);
         high[4 + x] = max(upper, d.rgb);
+        sums[x] = a + b + c;
+        sums[4 + x] = b + c + d;
         if (x == 1 || x == 2) {
             own[x - 1] = b;
             own[x + 1] = c;
@@ -67,7 +71,9 @@ void main() {
     for (int y = 0; y < 2; ++y)
         for (int x = 0; x < 2; ++x) {
             int first = 4 * y + x;
-            write(at + ivec2(x, y), extent, own[2 * y + x], texelFetch(filled_depth, at + ivec2(x, y), 0).x,
+            vec4 mean = sums[first] + sums[first + 1] + sums[first + 2], base = own[2 * y + x];
+            if (mean.a > 0.0) base.rgb = mix(base.rgb, mean.rgb * (base.a / mean.a), smoothing);
+            write(at + ivec2(x, y), extent, base, texelFetch(filled_depth, at + ivec2(x, y), 0).x,
                   min(min(low[first], low[first + 1]), low[first + 2]), max(max(high[first], high[first + 1]), high[first + 2]));
         }
 }

@@ -48,7 +48,7 @@ def flight(scan: str | Path, size: tuple[int, int], frames: int) -> tuple[list[n
             shown = np.frombuffer(moved.read(), np.uint8).reshape(size[1], size[0], 4)[..., :3]
         if number % AGE == 0:
             keyframes.append(Keyframe(context, size))
-            keyframes[-1].take_depth(camera, frame.filled_depth)
+            keyframes[-1].take_depth(camera, frame.filled_depth, frame.textures["filled"])
             keyframes[-1].take_picture(frame.image("neural"))
         for pictures, picture in zip(made, (frame.image("neural")[..., :3], filled, shown)):
             pictures.append(picture.copy())

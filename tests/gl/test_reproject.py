@@ -7,11 +7,11 @@ import pytest
 from clouds import room
 
 from pointglass.model.network.network_layout import DEPTH_FEATURE_SCALE
-from pointglass.model.reference.reprojection import COUNTED, SHARE, reprojected
+from pointglass.model.reference.reprojection import COUNTED, SHARE, reprojected, smoothing_of
 from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
-from pointglass.viewer.render.passes.reprojection import Keyframe, Reprojection
+from pointglass.viewer.render.passes.reprojection import BAND_ROWS, BANDS, Keyframe, Reprojection
 from pointglass.viewer.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
@@ -40,14 +40,14 @@ def texture(context, array):
     return context.texture((width, height), 1 if array.ndim == 2 else 4, array.tobytes(), alignment=1, dtype=kind)
 
 
-def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_camera):
-    """The result and the share of moved pixels."""
+def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_camera, before=None):
+    """The result and the share of moved pixels.  before: what the network made ``earlier`` of."""
     programs = Programs(context)
     keyframe = Keyframe(context, (earlier_camera.width, earlier_camera.height))
     step = Reprojection(programs, (camera.width, camera.height))
-    textures = [texture(context, array) for array in (filled, depth, earlier_depth)]
+    textures = [texture(context, array) for array in (filled, depth, earlier_depth, *([] if before is None else [before]))]
     try:
-        keyframe.take_depth(earlier_camera, textures[2])
+        keyframe.take_depth(earlier_camera, *textures[2:])
         keyframe.take_picture(earlier)
         result = step.run(textures[0], textures[1], camera, keyframe)
         made = np.frombuffer(result.read(alignment=1), np.uint8).reshape(camera.height, camera.width, 4)
@@ -68,11 +68,17 @@ def test_a_moved_picture_is_that_of_the_reference(context, seed):
     camera = Camera(width, height, width * 0.9, width * 0.9, width / 2, height / 2, pose)
     other = Camera(*size, size[0] * 0.8, size[0] * 0.8, size[0] / 2, size[1] / 2,
                    look_at(eye + rng.uniform(-0.15, 0.15, 3), eye + (1, *rng.uniform(-0.05, 0.05, 2))))
-    made, share = moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, other)
+    before = np.clip(earlier + rng.normal(0, 30, earlier.shape), 0, earlier[..., 3:]).astype(np.uint8)
+    before[..., 3] = earlier[..., 3]
+    rows = (size[1] - BAND_ROWS) * (2 * np.arange(BANDS) + 1) // (2 * BANDS)
+    smoothing = smoothing_of(*(np.stack([one[row : row + BAND_ROWS] for row in rows]) for one in (before, earlier)))
+    made, share = moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, other, before)
+    smoothing *= min(1.0, width / size[0]) ** 2
     turn = other.view_rotation @ camera.view_rotation.T
     shift = other.view_rotation @ (np.asarray(camera.position) - other.position)
-    wanted, moved = reprojected(filled, depth, earlier, earlier_depth, turn, shift, lens(camera), lens(other))
-    assert moved.mean() > 0.005, "or nothing is tested"
+    wanted, moved = reprojected(filled, depth, earlier, earlier_depth, turn, shift, lens(camera), lens(other),
+                                smoothing)
+    assert smoothing > 0.02 and moved.mean() > 0.005, "or nothing is tested"
     differs = (np.abs(made - wanted) > NEAR).any(axis=-1)
     assert differs.mean() < FEW, f"{differs.sum()} pixels differ, by {np.abs(made - wanted)[differs].max(axis=-1).round(1)}"
     assert abs(share - moved[::COUNTED, ::COUNTED].mean()) < 0.05

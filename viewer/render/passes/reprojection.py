@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE
+from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE, smoothing_of
 from ..device.compute_pass import Pass
 from ..device.context import describe_device
 
@@ -23,8 +23,13 @@ _CONSTANTS = {"SAME_DEPTH": SAME_DEPTH, "SHARE": SHARE, "MOST_NEARER": MOST_NEAR
               "COUNTED": COUNTED}
 
 
+BANDS, BAND_ROWS = 4, 18
+"""Parts of a picture, over its whole width, in which is measured how far the network smoothed it: a tenth of 720 rows."""
+
+
 class Keyframe:
-    """A neural picture, and the depth of its pixels; owns both textures.  camera: None until the depth was taken."""
+    """A neural picture, and the depth of its pixels; owns both textures.  camera: None until the depth was taken.  smoothing:
+    how far the network moved the filled picture's pixels to the means around them, 0..1."""
 
     def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
         self.size = size
@@ -33,11 +38,15 @@ class Keyframe:
         self._targets = [context.framebuffer([texture]) for texture in (self.picture, self.depth)]
         self._context = context
         self.camera: Camera | None = None
+        self.smoothing = 0.0
+        self._filled: np.ndarray | None = None
 
-    def take_depth(self, camera: "Camera", depth: "moderngl.Texture") -> None:
-        """Copies the depth of a filled picture, of which the neural picture follows."""
+    def take_depth(self, camera: "Camera", depth: "moderngl.Texture", filled: "moderngl.Texture | None" = None) -> None:
+        """Copies the depth of a filled picture, of which the neural picture follows.  filled: that picture; None: it is not
+        smoothed."""
         self.camera = camera
         self._copy(depth, 1)
+        self._filled = None if filled is None else self._bands(filled)
 
     def take_picture(self, picture: "moderngl.Texture | np.ndarray") -> None:
         """Copies the neural picture, (H, W, 4) uint8."""
@@ -45,6 +54,16 @@ class Keyframe:
             self.picture.write(np.ascontiguousarray(picture))
         else:
             self._copy(picture, 0)
+        self.smoothing = 0.0 if self._filled is None else smoothing_of(self._filled, self._bands(self.picture))
+
+    def _bands(self, texture: "moderngl.Texture") -> np.ndarray:
+        """(BANDS, rows, W, 4) uint8 of a picture of this size."""
+        width, height = self.size
+        rows, source = min(BAND_ROWS, height), self._context.framebuffer([texture])
+        bands = [np.frombuffer(source.read((0, (height - rows) * (2 * k + 1) // (2 * BANDS), width, rows), 4), np.uint8)
+                 for k in range(BANDS)]
+        source.release()
+        return np.stack(bands).reshape(BANDS, rows, width, 4)
 
     def _copy(self, texture: "moderngl.Texture", target: int) -> None:
         source = self._context.framebuffer([texture])
@@ -70,7 +89,7 @@ class Reprojection:
         self.share = 0.0
         self._pass = Pass(programs, "reprojection", "reproject.comp", outputs=("result",), block=2,
                           inputs=("filled", "filled_depth", "earlier", "earlier_depth"), buffers=("COMMANDS",),
-                          uniforms=("turn", "shift", "ray", "lens"), **_CONSTANTS)
+                          uniforms=("turn", "shift", "ray", "lens", "smoothing"), **_CONSTANTS)
 
     def run(self, filled: "moderngl.Texture", depth: "moderngl.Texture", camera: "Camera", keyframe: Keyframe
             ) -> "moderngl.Texture":
@@ -90,7 +109,8 @@ class Reprojection:
                                  "earlier_depth": keyframe.depth}, buffers={"COMMANDS": self._tally},
             turn=tuple(turn.T.ravel()), shift=tuple(shift),
             ray=(1 / camera.fx, 1 / camera.fy, -camera.cx / camera.fx, -camera.cy / camera.fy),
-            lens=(earlier.fx, earlier.fy, earlier.cx, earlier.cy))
+            lens=(earlier.fx, earlier.fy, earlier.cx, earlier.cy),
+            smoothing=keyframe.smoothing * min(1.0, self.size[0] / keyframe.size[0]) ** 2)  # larger pixels hold less grain
         if self._waits:
             self._count()
         return self.result
