@@ -109,6 +109,8 @@ class MovedPicture:
             return
         if picture is not None:
             self._coming.take_picture(picture)
+        else:
+            self._coming.compare()
         before, self._shown, self._coming = self._shown, self._coming, None
         if before is not None:
             self._retire(before)
