@@ -36,6 +36,7 @@ def pairs_file(path, truth, random, noise: float):
     return path
 
 
+@pytest.mark.slow
 def test_pairs_and_surfaces_bring_a_scan_to_its_place_and_the_project_shows_it_there(tmp_path, seed, stations, capsys):
     moving, fixed, truth, second = stations
     pairs = pairs_file(tmp_path / "pairs.csv", truth, np.random.default_rng(seed), 0.02)

@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 import trimesh
 from cloud_files import write_ply
 from swept_room import PLACES, sweep
@@ -24,6 +25,7 @@ def room_model(points):
     return box
 
 
+@pytest.mark.slow
 def test_a_model_is_aligned_by_pairs_and_by_its_triangles_and_the_project_shows_it_there(tmp_path, seed):
     random = np.random.default_rng(seed)
     points = sweep(PLACES[0], seed, noise=0.0)

@@ -57,6 +57,7 @@ def table(path) -> dict[str, dict[str, str]]:
     return {kind: {row["name"]: row["value"] for row in rows if row["table"] == kind} for kind in ("comparison", "statistic")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["m3c2", "c2c"])
 def test_points_table_and_picture_show_a_lifted_quarter(scans, method, capsys):
     before, after, folder = scans

@@ -95,6 +95,7 @@ def test_bad_input_is_refused_in_one_line(scan, tmp_path, capsys, options, said)
     assert said in out.err and out.err.count("\n") == 1 and not out.out
 
 
+@pytest.mark.slow
 def test_several_scans_are_judged_one_after_the_other_and_options_of_rooms_ignored(scan, tmp_path, capsys):
     other = shutil.copy(scan, tmp_path / "again.ply")
     told = ["evaluate", str(scan), str(other), "--views", "1", "--densities", "1", "--weights", FAST, "--no-flicker", "--fast"]

@@ -71,6 +71,7 @@ def test_clips_and_the_ends_of_a_line_cut_a_mesh_as_they_cut_points(tmp_path):
     assert line.length == pytest.approx(3.0 + 2.0 + 3.0, abs=1e-8) and line.vertices[:, 0].min() == pytest.approx(0.0)
 
 
+@pytest.mark.slow
 def test_plans_and_drawings_of_the_command_have_a_turned_box_with_its_own_colour_and_layer(tmp_path, seed):
     xyz = unpack(room(seed, 60_000))[0]
     np.savetxt(tmp_path / "room.xyz", xyz, "%.4f")

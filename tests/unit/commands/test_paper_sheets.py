@@ -55,6 +55,7 @@ def test_a_dxf_has_the_walls_in_the_coordinates_of_the_file(room, tmp_path, caps
     assert any("Plan at height 1.2" in text for text in texts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("paper", "way"), [("A4", "landscape"), ("A3", "portrait"), ("A1", "landscape")])
 def test_a_sheet_has_the_size_of_its_paper_and_vectors_and_the_scale_is_true(room, tmp_path, paper, way, capsys):
     out = tmp_path / "plan.pdf"

@@ -198,6 +198,7 @@ def test_letters_that_no_font_has_are_named_once_in_reports_and_on_sheets(projec
     asked_again()
 
 
+@pytest.mark.slow
 def test_a_picture_outside_the_project_is_sent_only_where_it_was_attached_here(project, tmp_path, capsys):
     private = tmp_path / "private.jpg"
     Image.fromarray(np.full((30, 40, 3), 77, np.uint8)).save(private)

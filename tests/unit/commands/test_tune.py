@@ -144,6 +144,7 @@ def _tuned(photographed, out, capsys, monkeypatch, **changes):
     return made, capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, tmp_path, capsys, monkeypatch):
     made, said = _tuned(photographed, tmp_path / "w", capsys, monkeypatch, steps=6, minutes=5)
     assert "5 photographs to learn from, 1 held out" in said and "tuned" in said
@@ -157,6 +158,7 @@ def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, t
     assert notes["psnr_after"] > notes["psnr_before"] and notes["photographs"] == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gain, count", [(1.0, 6), (0.0, 2)])
 def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, tmp_path, capsys, monkeypatch, gain, count):
     """Of two photographs, too, one is judged that is not learned from."""

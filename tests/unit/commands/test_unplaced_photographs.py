@@ -28,6 +28,7 @@ def jpeg(photo, focal: float | None = None) -> bytes:
     return out.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_cache")
 def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, monkeypatch, capsys):
     monkeypatch.setattr(e57_photo_files, "paint", e57_photo_files.patches)

@@ -84,6 +84,7 @@ def pictures(scan, cameras, tmp_path_factory) -> dict[str, bytes]:
     return content(out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [2, pytest.param(1, marks=pytest.mark.long), pytest.param(8, marks=pytest.mark.long)])
 def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, tmp_path, workers):
     out = tmp_path / "out"
@@ -96,6 +97,7 @@ def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, t
     assert content(out) == pictures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.mp4", pytest.param("frames", marks=pytest.mark.long)])
 def test_a_film_of_workers_is_that_of_one_process(scan, cameras, pictures, tmp_path, name):
     made = []
@@ -116,6 +118,7 @@ def test_a_publication_of_workers_is_that_of_one_process(scan, pictures, tmp_pat
     assert content(tmp_path / "a") == content(tmp_path / "b")
 
 
+@pytest.mark.slow
 def test_figures_of_an_evaluation_by_workers_are_those_of_one_process(scan, pictures):
     one, two = (judge_scan(scan, {}, densities=(1.0,), views=3, size=(160, 120), sheet=True, workers=workers)
                 for workers in (None, Workers(2)))  # fmt: skip
@@ -123,6 +126,7 @@ def test_figures_of_an_evaluation_by_workers_are_those_of_one_process(scan, pict
     assert np.array_equal(np.concatenate(one[1]), np.concatenate(two[1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("each", [False, True])
 def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
     """Of two LAZ files and a damaged one, which is left out."""
@@ -143,6 +147,7 @@ def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
     assert found[0] == found[1] and len(found[0][0]) > 8 and hidden(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(usable_processors() < 2, reason="one processor converts in one process")
 def test_large_scans_are_converted_by_several_processes_without_an_option_whatever_is_killed(tmp_path, seed):
     rng, choice = np.random.default_rng(4), random.Random(seed)

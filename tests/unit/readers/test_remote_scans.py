@@ -118,6 +118,7 @@ def test_errors_are_one_line_without_the_signature(tmp_path, capsys, status, wor
     assert words in line and line.count("\n") == 1 and "1f2e3d" not in line and not list(tmp_path.glob("cache/remote/*/a.laz"))
 
 
+@pytest.mark.slow
 def test_a_file_that_changes_on_the_server_is_read_anew_and_never_mixed(tmp_path):
     first, second = bytes(60_000_000), b"\1" * 60_000_000  # 59 requests
     with served({"a.bin": first}) as server:

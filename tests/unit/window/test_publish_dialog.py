@@ -25,6 +25,7 @@ def follow(film, context, condition):
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_what_the_dialog_plans_is_published_and_listed(tmp_path):
     made, _ = session()
     context, film = ToolContext(made, None, None), Film()  # type: ignore[arg-type]
@@ -59,6 +60,7 @@ def test_what_the_dialog_plans_is_published_and_listed(tmp_path):
     film.close()
 
 
+@pytest.mark.slow
 def test_a_publication_that_is_given_up_leaves_whole_places(tmp_path):
     made, _ = session()
     context, film = ToolContext(made, None, None), Film()  # type: ignore[arg-type]

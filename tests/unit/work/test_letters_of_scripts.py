@@ -59,6 +59,7 @@ def fonts(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_font_of_the_machine_draws_what_the_plain_one_lacks(fonts, tmp_path):
     """In a process of its own: which fonts there are is asked once."""
     def told(folder: Path) -> list[str]:

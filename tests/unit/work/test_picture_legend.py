@@ -19,6 +19,7 @@ def box(before: np.ndarray, after: np.ndarray) -> tuple[int, int, int, int]:
     return rows.min(), rows.max(), columns.min(), columns.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [480, 720, 1440, 2880])
 @pytest.mark.parametrize("channels", [3, 4])
 def test_each_colour_stands_in_a_swatch_of_its_own_from_top_to_bottom(seed, height, channels):

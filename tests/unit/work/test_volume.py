@@ -61,6 +61,7 @@ def heap(random, kind: str, *, shadow: bool, pit: bool = False) -> tuple[float, 
     return -truth if pit else truth, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["cone", "hemisphere", "box"])
 @pytest.mark.parametrize("shadow", [False, True])
 def test_true_volumes_lie_inside_what_is_stated(seed, kind, shadow):
