@@ -46,6 +46,7 @@ class NoiseSample:
         self._sampler = Sampler(places, held, self._seed, apart=counted.cell_size)
         self._parts: list[_Part] = []
         self._coming: Future[_Part] | None = None
+        self._solving: Future[NoiseModel] | None = None
         self._limit: np.uint64 | None = None
         self._held = 0
         self._points = np.zeros(self._sources, np.int64)
@@ -83,8 +84,16 @@ class NoiseSample:
         """A part's points in boxes that are still sampled."""
         return part if self._limit is None else tuple(values[part[2] < self._limit] for values in part)
 
+    def begin_solving(self, pool: Executor) -> None:
+        """All points were added: ``pool`` estimates their noise beside the caller's work."""
+        self._solving = pool.submit(self._solve)
+
     def solve(self) -> NoiseModel:
         """The noise of the points added, which are then freed."""
+        solving, self._solving = self._solving, None
+        return self._solve() if solving is None else solving.result()
+
+    def _solve(self) -> NoiseModel:
         coming, self._coming = self._coming, None
         self._keep(coming)
         parts, self._parts = self._parts, []

@@ -63,6 +63,8 @@ def scatter(kept: KeptChunks, colours: Colours | None, scans: ScanTable, counts:
         first += len(xyz)
         of_source[number] += len(xyz)
         starts.add(number, chunk.scan, first - len(xyz))
+    if sample is not None:
+        sample.begin_solving(pool)
     records.first[1:] = of_source.cumsum()
     records.scans = starts.solve(scans, records.first)
     runs, boxes = slab.finish()
