@@ -21,8 +21,8 @@ from ..common.process.processors import usable_processors
 from .blend_cpu import Blender
 from .engines import fold_normalisation
 from .interruption import check
-from .level_loops import halved_pixels, merge, sparse_blocks
-from .levels import DENSITY_BLOCK, LEAST_SIDE, merged, region
+from .level_loops import halved_pixels, merge, planes, sparse_blocks
+from .levels import DENSITY_BLOCK, LEAST_SIDE, NOISE, merged, region
 from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from .qualities import QUALITIES
 from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
@@ -180,10 +180,11 @@ class Reconstructor:
         if shares.any():
             part = region(torch.from_numpy(shares), *packed.shape[:2])
             blocks = shares[tuple(slice(side.start // DENSITY_BLOCK, -(-side.stop // DENSITY_BLOCK)) for side in part)]
-            near, picture = packed[part].contiguous(), made[part].float().contiguous()
-            coarse = self._merged_on_cpu(torch.from_numpy(halved_pixels(near.numpy())), levels - 1).float()
-            merge(near.numpy(), picture.numpy(), coarse.numpy(), np.ascontiguousarray(blocks))
-            made[part] = picture.half()
+            near = packed[part].permute(2, 0, 1).contiguous()
+            coarse = self._merged_on_cpu(torch.from_numpy(halved_pixels(near.numpy())).permute(1, 2, 0), levels - 1)
+            picture = planes(made[part])
+            merge(near[NOISE].numpy(), picture, planes(coarse), np.ascontiguousarray(blocks))
+            made[part][..., :3] = torch.from_numpy(picture).permute(1, 2, 0)
         return made
 
     def _averaged(self, packed: Tensor) -> Tensor:
