@@ -218,7 +218,8 @@ def sparse_blocks(packed: np.ndarray) -> np.ndarray:
 
 def halved_pixels(packed: np.ndarray) -> np.ndarray:
     """(C, h, w) float32 of :func:`model.network.levels.halved`.  packed: (C, H, W) float32."""
-    made = np.empty((len(packed), *(-(-side // 2) for side in packed.shape[1:])), np.float32)
+    channels, height, width = packed.shape
+    made = np.empty((channels, -(-height // 2), -(-width // 2)), np.float32)
     in_rows(made.shape[1], _LEAST_ROWS, _halve, packed, made)
     return made
 

@@ -11,8 +11,9 @@ def check_weights(settings: "Settings") -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
         from ...model.common.process.torch_process import prepare_inference
+
+        prepare_inference()  # before torch is imported
         from ...model.network.reconstruct import fitting_weights
 
-        prepare_inference()
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)

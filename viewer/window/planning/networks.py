@@ -31,11 +31,12 @@ def load_network(settings: Settings) -> None:
     """Imports torch and reads the weights, also those of smaller networks for flight, off the window's thread, so that the
     first neural frame only has to run."""
     from ....model.common.process.torch_process import prepare_inference
+
+    prepare_inference()  # before torch is imported
     from ....model.network.reconstruct import cuda_problem
     from ...common.errors import DeviceError, Option
     from ...render.network import neural
 
-    prepare_inference()
     problem = None if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
         raise DeviceError(problem, option=Option("--device", "cuda"), remedy="see `pointglass doctor`, or use the CPU")
