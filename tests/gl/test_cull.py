@@ -237,6 +237,12 @@ def test_what_many_surfaces_hide_is_thinned_and_what_stands_alone_is_not():
         depth = culler.scene.cell_coords[:: 64, 1]
         assert (culler.share[depth < 8] == 1.0).all() and culler.share[depth > 4 * (ENOUGH + 8)].max() < 1.0
         assert culler.select(camera).points == culler.scene.count  # without a level of detail
+    eye = np.array([20.0, -3.0, 20.0])  # blocks of the next walls lie around the camera: they cover by cells
+    culler = Culler(walls_of_cells(list(range(0, 80, 4))))
+    culler.select(replace(camera, camera_to_world=look_at(eye, eye + (0.0, 1.0, 0.0))), 1.0)
+    depth = culler.scene.cell_coords[:, 1]
+    thinned = np.repeat(culler.share < 1.0, 64)[: len(depth)]
+    assert 4 * (ENOUGH - 1) < depth[thinned].min() <= 4 * (ENOUGH + 1)
 
 
 def test_a_view_past_everything_draws_nothing():

@@ -2,9 +2,10 @@
 
 In a place of many buildings a line of sight crosses hundreds of surfaces, of which the picture shows the first few.  The
 picture is divided into tiles.  Blocks are looked at from near to far; each adds the pixels that its surfaces cover to its
-tiles.  Where a tile has been covered ENOUGH times over, what lies behind gets points by the square of the share that is left,
-so that a frame has at most about 2 * ENOUGH times the points of one surface, however large the place is.  Frame: as in
-viewer.render.culling.cull_kernels.
+tiles; those around the camera, such as the walls of its room, do so cell by cell, and are not thinned.  Where a tile has been
+covered ENOUGH times over, what lies behind gets points by the square of the share that is left, so that a frame has at most
+about 2 * ENOUGH times the points of one surface, however large the place is; and these come from fewer cells (FEW_HIDDEN of
+viewer.render.culling.cull_kernels), since a cell costs as much as forty points.  Frame: as there.
 
 It is a statistic: what is seen through a gap narrower than a tile between covered ones has fewer points than are wanted, never
 none.  Nothing is thinned without a level of detail.
@@ -18,7 +19,8 @@ from ...grid.projected_coverage import SQUARES, UNKNOWN
 ENOUGH = 4.0
 """Times that a tile is covered before what lies behind is thinned.  Of 600 files of a campus, 640x480, one point a pixel, the
 picture from within a room is the same with 8, 4 and 3; from outside the walls it differs by 47, 40 and 38 dB from that without
-thinning (which differs by 38 dB from that of all points) and has 10, 23 and 29 % fewer points."""
+thinning (which differs by 38 dB from that of all points) and has 10, 23 and 29 % fewer points.  Of 1,000, with what is around
+the camera counted and 4 or 3: from within a room 55 dB or more, 52; from outside 51 and 49; from above 45 and 42."""
 TILE = 16
 """Pixels of a tile's side."""
 SPARSE = 4.0
@@ -44,8 +46,41 @@ def scratch_of(blocks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
     return np.empty(blocks, np.int64), np.empty(blocks, np.int64), np.empty(_BINS + 1, np.int64), np.empty((blocks, 5))
 
 
+@compiled(inline="always")
+def tiles_of(u, v, half_u, half_v, wide, tall):
+    """First and last tile that a rectangle touches, column then row, before they are cut to the picture."""
+    return (
+        int(np.floor((u - half_u) / wide)), int(np.floor((u + half_u) / wide)),
+        int(np.floor((v - half_v) / tall)), int(np.floor((v + half_v) / tall)),
+    )  # fmt: skip
+
+
 @compiled(nogil=True)
-def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
+def cover_by_cells(coords, coverage, first, stop, size, shift, rotation, lens, tiles):
+    """Adds to tiles the pixels that the cells from row ``first`` to ``stop`` cover.  coords: (C, 3) int32.  coverage: (C, 3)
+    uint8, faces as in Scene.  Others as in :func:`crowded`."""
+    fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+    rows, columns = tiles.shape
+    wide, tall, reach = (left + right) / columns, (top + bottom) / rows, 0.5 * np.sqrt(3.0) * size
+    for cell in range(first, stop):
+        px = (coords[cell, 0] + 0.5) * size + shift[0]
+        py = (coords[cell, 1] + 0.5) * size + shift[1]
+        pz = (coords[cell, 2] + 0.5) * size + shift[2]
+        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
+        if z < 2.0 * reach or coverage[cell, 0] == UNKNOWN:
+            continue
+        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
+        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz
+        x0, x1, y0, y1 = tiles_of(fx * x / z + left, fy * y / z + top, fx * reach / z, fy * reach / z, wide, tall)
+        seen = coverage[cell, 0] * abs(px) + coverage[cell, 1] * abs(py) + coverage[cell, 2] * abs(pz)
+        more = size * fx / z * (size * fy / z) * seen / (SQUARES * z * ((x1 - x0 + 1) * (y1 - y0 + 1) * wide * tall))
+        for row in range(max(y0, 0), min(y1, rows - 1) + 1):
+            for column in range(max(x0, 0), min(x1, columns - 1) + 1):
+                tiles[row, column] += more
+
+
+@compiled(nogil=True)
+def crowded(blocks, faces, coords, coverage, per, size, shift, rotation, lens, tiles, scratch, share):
     """Writes share (B,) float64, which share of the points wanted of a block is drawn: 1 where few surfaces are in front.
 
     blocks, size, shift, rotation, lens: as in visible_cells; of a pinhole camera.  faces: of faces_of_blocks.
@@ -56,6 +91,7 @@ def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
     rows, columns = tiles.shape
     wide, tall = (left + right) / columns, (top + bottom) / rows
     count[:] = 0
+    tiles[:] = 0.0
     for block in range(blocks.shape[0]):
         share[block], key[block] = 1.0, -1
         px = blocks[block, 0] * size + shift[0]
@@ -63,7 +99,10 @@ def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
         pz = blocks[block, 2] * size + shift[2]
         z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
         reach = size * np.sqrt(blocks[block, 3] ** 2 + blocks[block, 4] ** 2 + blocks[block, 5] ** 2)
-        if z < 2.0 * reach:  # around the camera, or behind it: its cells are too near to be told apart by one depth
+        if z < 2.0 * reach:  # around the camera, or behind it: too near to be one depth, and in front of all that is not
+            if z > -reach:
+                first, stop = block * per, min((block + 1) * per, coords.shape[0])
+                cover_by_cells(coords, coverage, first, stop, size, shift, rotation, lens, tiles)
             continue
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
         y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz
@@ -72,8 +111,8 @@ def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
             continue
         seen = faces[block, 0] * abs(px) + faces[block, 1] * abs(py) + faces[block, 2] * abs(pz)
         place[block, 0], place[block, 1], place[block, 2], place[block, 3] = u, v, half_u, half_v
-        touched = np.floor((u + half_u) / wide) - np.floor((u - half_u) / wide) + 1.0
-        touched *= np.floor((v + half_v) / tall) - np.floor((v - half_v) / tall) + 1.0
+        x0, x1, y0, y1 = tiles_of(u, v, half_u, half_v, wide, tall)
+        touched = (x1 - x0 + 1) * (y1 - y0 + 1)
         place[block, 4] = size * fx / z * (size * fy / z) * seen / z / (touched * wide * tall)  # share of each tile
         key[block] = min(max(int(_OCTAVE * np.log2(z / size)) + _BINS // 2, 0), _BINS - 1)
         count[key[block] + 1] += 1
@@ -84,15 +123,13 @@ def crowded(blocks, faces, size, shift, rotation, lens, tiles, scratch, share):
         if key[block] >= 0:
             order[count[key[block]]] = block
             count[key[block]] += 1
-    tiles[:] = 0.0
     for number in range(total):
         block = order[number]
         u, v, half_u, half_v = place[block, 0], place[block, 1], place[block, 2], place[block, 3]
-        x0, x1 = max(int((u - half_u) / wide), 0), min(int((u + half_u) / wide), columns - 1)
-        y0, y1 = max(int((v - half_v) / tall), 0), min(int((v + half_v) / tall), rows - 1)
+        x0, x1, y0, y1 = tiles_of(u, v, half_u, half_v, wide, tall)
         least, more = np.inf, place[block, 4]
-        for row in range(y0, y1 + 1):
-            for column in range(x0, x1 + 1):
+        for row in range(max(y0, 0), min(y1, rows - 1) + 1):
+            for column in range(max(x0, 0), min(x1, columns - 1) + 1):
                 least = min(least, tiles[row, column])
                 tiles[row, column] += more
         if ENOUGH < least < np.inf:

@@ -107,7 +107,8 @@ class Culler:
             grid, share = (-(-camera.height // TILE), -(-camera.width // TILE)), self.share
             if self._tiles.shape != grid:
                 self._tiles = np.empty(grid)
-            crowded(self._blocks, self._faces, size, shift, rotation, lens, self._tiles, self._scratch, share)
+            crowded(self._blocks, self._faces, self._coords, self._coverage, self._block, size, shift, rotation, lens,
+                    self._tiles, self._scratch, share)  # fmt: skip
         found = visible_cells(
             self._coords, self._blocks, self._block, size, shift, rotation, lens, camera.orthographic or 0.0, sides, corner,
             lod, self._coverage, self._boxes, share, self._cells, self._cell_view, self._need,
