@@ -11,6 +11,8 @@ from pointglass.viewer.work.photo_poses.pose_solver import SolvedPose
 @pytest.mark.parametrize(("places", "said"), [
     ([(900, 0.8)], None), ([(900, 0.3)], "colours"), ([(900, 0.25), (500, 0.7)], None),
     ([(1400, 0.72), (1000, 0.6)], "ambiguous"), ([(1200, 0.65), (500, 0.6)], None), ([(20, 0.9)], "only 20"),
+    ([(1349, 0.51), (1200, 0.48)], "ambiguous"), ([(1200, 0.42), (1000, 0.51)], "ambiguous"),
+    ([(1300, 0.27), (1200, 0.61)], None),
 ])  # fmt: skip
 def test_colours_decide_and_places_that_look_alike_are_refused(monkeypatch, seed, places, said):
     rng = np.random.default_rng(seed)

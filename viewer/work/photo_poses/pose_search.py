@@ -37,10 +37,11 @@ of atrium is the fourth.  Matches within so many tolerances of a pose say nothin
 COLOURS = 0.5
 """Share of the points' differences in colour that a photograph explains at its place.  In atrium, kitchen and bathroom true
 poses have 0.60 to 0.88; places that repeat an arch, a tile or a cupboard, with up to 930 features that agree, 0.03 to 0.42."""
-RIVAL = 0.6
-"""Share of the best pose's matches with which another place, whose colours agree, too, makes it ambiguous.  Of a photograph
-between the arcades of atrium 1,400 features agree at its mirror image, 11 m off, where 0.72 is explained; at its place 1,000
-and 0.60."""
+RIVAL, ALIKE = 0.6, 0.1
+"""Share of the best pose's matches with which another place makes it ambiguous whose colours agree, too, or explain at most
+ALIKE less.  Of a photograph between the arcades of atrium 1,400 features agree at its mirror image, 11 m off, where 0.72 is
+explained; at its place 1,000 and 0.60.  Of one of dining-room's tiles, each the image of the next, two places explain 0.51 and
+0.48, both of them 2.1 m off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +90,15 @@ def find_pose(draw: Draw, judge: Judge, views: list[ReferenceView], origin: np.n
         return NotFound(f"only {most} of its features agree with a place in the scan")
     found.sort(key=lambda one: -len(one[0].consistent))
     explained = [judge(_camera(pose, origin, (width, height), name)) for pose, _ in found]
-    alike = [pose for (pose, _), share in zip(found, explained) if share >= COLOURS]
-    if not alike:
+    if max(explained) < COLOURS:
         return NotFound(f"{most} of its features agree with a place in the scan, but its colours explain only "
                         f"{100 * max(0.0, *explained):.0f} % of the differences between the points there")
-    pose = alike[0]
-    if len(alike) > 1 and len(alike[1].consistent) > RIVAL * len(pose.consistent):
-        apart = np.linalg.norm(alike[1].position - pose.position)
-        return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
+    taken = next(number for number, share in enumerate(explained) if share >= COLOURS)
+    pose, limit = found[taken][0], min(COLOURS, explained[taken] - ALIKE)
+    for number, (other, _) in enumerate(found):
+        if number != taken and explained[number] >= limit and len(other.consistent) > RIVAL * len(pose.consistent):
+            apart = np.linalg.norm(other.position - pose.position)
+            return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
     camera = _camera(pose, origin, (width, height), name)
     whole = Camera(*size, pose.focal * scale, pose.focal * scale, size[0] / 2, size[1] / 2, camera.camera_to_world, name)
     return FoundPose(whole, pose.residual * scale, len(pose.consistent), pose.deviations)
