@@ -61,7 +61,8 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
     gains, shared = np.ones((count, 3)), np.zeros((count, count), np.int32)
     if len(xyz):
         near = (np.abs(xyz - np.median(xyz, axis=0)) <= _REACH * VOXEL_SPACINGS * spacing).all(axis=1)
-        xyz, rgb, scan = xyz[near], rgb[near], scan[near]
+        if not near.all():
+            xyz, rgb, scan = xyz[near], rgb[near], scan[near]
     low = xyz.min(0) if len(xyz) else 0.0
     steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
     means, voxels, owners = _voxel_means(steps, rgb, scan, count)
@@ -205,4 +206,5 @@ def match_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: 
 def exposures_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> Exposures:
     """:func:`solve_exposures` on a seeded sample of the points, with the sample's point spacing."""
     pick = np.random.default_rng(0).choice(len(xyz), min(len(xyz), sample), replace=False)
-    return solve_exposures(xyz[pick], rgb[pick], scan[pick], median_spacing(xyz[pick]))
+    some = xyz.take(pick, axis=0)  # a third of the time of xyz[pick]
+    return solve_exposures(some, rgb.take(pick, axis=0), scan[pick], median_spacing(some))

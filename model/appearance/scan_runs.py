@@ -83,8 +83,8 @@ def solve_run_gains(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> RunGain
         return RunGains(*nothing, 1.0)
     place = np.flatnonzero(_regions(xyz)[order])
     some = order[place]
-    edge = VOXEL_SPACINGS * median_spacing(near := xyz[some])
-    look = _Sample(near, rgb[some], edge)
+    edge = VOXEL_SPACINGS * median_spacing(near := xyz.take(some, axis=0))  # a third of the time of xyz[some]
+    look = _Sample(near, rgb.take(some, axis=0), edge)
     left, _ = look.solve(place // BLOCKS[-1], PREVIEW_ITERATIONS)
     if left >= MAX_REMAINING:  # longer blocks explain no more
         return RunGains(*nothing, left)
