@@ -24,6 +24,7 @@ from ..network.levels import LEVELS, merged
 from ..network.unet import CompactUNet, mac_per_pixel
 from ..network.weights import load_weights
 from ..reference.depth_filter import keep_mask
+from ..reference.fill_constants import FOR_NETWORK, FOR_PICTURE, Averaging
 from ..reference.projection import Raster, SoftZ, network_input
 from .open3d_points import POINT_SIZES, Open3DPoints
 from .own_methods import OwnNetwork, OwnPicture
@@ -69,7 +70,7 @@ class ViewPoints:
     true_depth: Tensor | None
     spacing: float
     masks: dict[str, Tensor] = field(default_factory=dict)
-    inputs: dict[tuple[str, bool], Tensor] = field(default_factory=dict)
+    inputs: dict[tuple[str, bool, Averaging | None], Tensor] = field(default_factory=dict)
     rasters: dict[str, Raster] = field(default_factory=dict)
     unlit: bool = False
     noise: NoiseModel | None = None
@@ -95,15 +96,20 @@ class ViewPoints:
                 self.masks[name] = kept & (self.raster.count > 0) if self.unlit else kept
         return self.masks[name]
 
-    def input(self, mask: str, *, weighted: bool = False) -> Tensor:
-        """(6, H, W) network input of the pixels of the named mask; its first three channels are the pull-push picture."""
-        if (mask, weighted) not in self.inputs:
+    def input(self, mask: str, *, weighted: bool = False, averaging: Averaging = FOR_NETWORK) -> Tensor:
+        """(6, H, W) network input of the pixels of the named mask."""
+        overall = 0.0 if self.noise is None or PRESETS.get(mask) != "auto" else self.noise.overall
+        key = mask, weighted, averaging if averaging.applies(overall) else None
+        if key not in self.inputs:
             raster = self.weighted if weighted else self.raster
             noise = seen_noise(self.noise, raster, self.seen)
-            overall = 0.0 if self.noise is None or PRESETS.get(mask) != "auto" else self.noise.overall
-            self.inputs[mask, weighted] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise,
-                                                        overall)
-        return self.inputs[mask, weighted]
+            self.inputs[key] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise, overall,
+                                             averaging)
+        return self.inputs[key]
+
+    def filled(self, mask: str, *, weighted: bool = False) -> Tensor:
+        """(3, H, W) pull-push picture of the pixels of the named mask, as it is shown."""
+        return self.input(mask, weighted=weighted, averaging=FOR_PICTURE)[:3]
 
     def fresh(self) -> "ViewPoints":
         """A copy with empty caches, for timing."""
@@ -153,8 +159,8 @@ def plain_methods() -> list[Method]:
     """Methods without a network: raw points; pull-push with each mask and equal weights; and with view-dependent blending."""
     methods = [Method("raw", lambda view_points: view_points.raster.colour / 255, "no filter")]
     for mask in (*PRESETS, TRUE):
-        methods.append(Method(f"pull-push, {mask}", lambda view_points, mask=mask: view_points.input(mask)[:3], mask))
-    return [*methods, Method(WEIGHTED, lambda view_points: view_points.input(OURS, weighted=True)[:3], OURS, weighted=True)]
+        methods.append(Method(f"pull-push, {mask}", lambda view_points, mask=mask: view_points.filled(mask), mask))
+    return [*methods, Method(WEIGHTED, lambda view_points: view_points.filled(OURS, weighted=True), OURS, weighted=True)]
 
 
 def network_method(name: str, path: Path) -> Method:

@@ -148,7 +148,7 @@ class Evaluation:
 
     def _cases(self, view: ViewPoints, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
                density: float, exposure: str) -> list[Case]:
-        """Comparisons of each network's picture with the filled picture, its input.
+        """Comparisons of each network's picture with the filled picture.
 
         The filled picture is evaluated here if it is not the picture of another method.
         """
@@ -160,7 +160,7 @@ class Evaluation:
             name = names.get((method.mask, method.weighted))
             if name is None:
                 name = names[method.mask, method.weighted] = f"input of {method.name}"
-                pictures[name] = view.input(method.mask, weighted=method.weighted)[:3]
+                pictures[name] = view.filled(method.mask, weighted=method.weighted)
                 found[name] = truth.figures(pictures[name], ~view.mask(OURS), invented_distance=False)
             cases.append(Case(self.name, shot, method.name, density, exposure, found[method.name], found[name]))
             if self.worst is not None:

@@ -1,5 +1,6 @@
 """Constants of the pull-push fill, shared by its shaders and model/reference/pull_push.py; imports no torch."""
 
+from dataclasses import dataclass
 from math import log2
 
 from ..network.network_layout import DEPTH_FEATURE_SCALE
@@ -21,21 +22,50 @@ NEARER_SCALE = 1.0 / (DEPTH_FEATURE_SCALE * (NEARER[1] - NEARER[0]))
 NEARER_START = NEARER[0] / (NEARER[1] - NEARER[0])
 WIDER_SCALE = 1.0 / (DEPTH_FEATURE_SCALE * (WIDER[1] - WIDER[0]))
 
-# Averaging of sparse points: chosen by PSNR at withheld points of street_corner.laz at all, one in ten and one in fifty points,
-# and judged on four rooms at one in fifty points with colour noise of 0.1, two views each.
-AVERAGED_FROM = 0.05
-"""Noise of a scan, standard deviation of luma with full brightness = 1, from which on it is averaged.  street_corner.laz has
-0.064.  Below, nothing changes to the byte: studio.laz, with 0.023, would gain 0.05 dB at one in ten points; atrium at one in
-twenty, with 0.044, would lose 0.4 dB in one view of two, at columns near the camera that few points hit."""
 NOISE_UNIT = 0.03
-AVERAGED = 1.0
-"""A pixel whose colour has a standard deviation of NOISE_UNIT counts as a mean of 1 + AVERAGED points.  3 in place of 1 gains
-0.3 dB more on the street corner at one in fifty points, and loses another 0.5 dB in that view of atrium."""
-DENSE, SPARSE = 4.0, 8.0
-"""Distance between points, pixels, up to which nothing is averaged, and from which all is.  From 3 on the network's picture of
-all points of the street corner loses 0.1 dB."""
+"""Standard deviation, full brightness = 1, of a pixel's colour at which it counts as a mean of two points where points are
+averaged in full.  Of three and more, filled pictures of atrium at one in twenty lose up to 0.5 dB, at bricks."""
+WIDENED = 0.7
+"""Part of the doublings of a surface's point spacing by averaging that counts where gaps are filled from the background: 1
+loses 0.1 dB more in the view of atrium below, 0.35 up to 0.7 dB in a view of the street corner."""
+NEAR_SPREAD = 0.3
+NEAR_DOUBLINGS = 0.1
+"""A pixel nearer than the mean of its surroundings by more than NEAR_SPREAD of their standard deviation begins to keep its
+weight, and keeps it in full from NEAR_DOUBLINGS of depth more: 7 %.  Else things near the camera that few points hit vanish
+into what is behind them (view 0 of atrium at one in fifty points with noise of 0.1: assets/weights/README.md)."""
 DENSITY_BLOCK = 16
-"""Side, pixels, of the blocks in which measured pixels are counted."""
+"""Side, pixels, of the blocks in which measured pixels are counted, and their depths averaged."""
+
+
+@dataclass(frozen=True)
+class Averaging:
+    """Averaging of the points of noisy scans where they are sparse (model/reference/pull_push.py).
+
+    least_noise: noise of a scan, standard deviation of luma with full brightness = 1, from which on it is averaged; below,
+    nothing changes to the byte.  dense, sparse: distance between points, pixels, up to which nothing is averaged, and from
+    which all is.
+    """
+
+    least_noise: float
+    dense: float
+    sparse: float
+
+    def applies(self, overall: float) -> bool:
+        """Whether the points of a scan of this noise are averaged.  overall: standard deviation, full brightness = 1."""
+        return overall >= self.least_noise
+
+    def widening(self, overall: float) -> float:
+        """Doublings by which the point spacing of surfaces counts as wider in the fill of a scan of this noise."""
+        return WIDENED * 0.5 * log2(1.0 + (overall / NOISE_UNIT) ** 2) if self.applies(overall) else 0.0
+
+
+# Chosen by PSNR, SSIM and distance in rooms at one in twenty and one in fifty points with colour noise of 0.03, 0.07 and 0.1,
+# and at withheld points of street_corner.laz (noise 0.064) at all, one in ten and one in fifty points; the worst room decided.
+FOR_PICTURE = Averaging(0.04, 1.0, 2.0)
+"""Of the filled picture.  At one in twenty points with noise of 0.07: assets/weights/README.md."""
+FOR_NETWORK = Averaging(0.05, 4.0, 8.0)
+"""Of the network's input: the network removes noise better where points are dense.  From 3 on its picture of all points of the
+street corner loses 0.1 dB."""
 
 
 def wider_ramp(level: float, footprint: float | None = None) -> tuple[float, float]:
@@ -47,13 +77,3 @@ def wider_ramp(level: float, footprint: float | None = None) -> tuple[float, flo
 def wider_offset(level: float) -> float:
     """Offset of the ramp of WIDER at a level whose pixels have a side of 2^level."""
     return (level - WIDER[0]) / (WIDER[1] - WIDER[0])
-
-
-def averages(overall: float) -> bool:
-    """Whether the points of a scan of this noise are averaged.  overall: standard deviation, full brightness = 1."""
-    return overall >= AVERAGED_FROM
-
-
-def widening(overall: float) -> float:
-    """Doublings by which the point spacing of surfaces counts as wider in the fill of a scan of this noise."""
-    return 0.5 * log2(1.0 + AVERAGED * (overall / NOISE_UNIT) ** 2) if averages(overall) else 0.0

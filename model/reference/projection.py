@@ -15,7 +15,7 @@ from torch import Tensor
 from ..common.linear_light import TO_LINEAR, TO_SRGB
 from ..network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
 from .depth_filter import keep_mask
-from .fill_constants import averages, widening
+from .fill_constants import FOR_NETWORK, Averaging
 from .pull_push import averaging_weight, pull_push
 from .soft_z import MAX_AVERAGED, SoftZ
 from .station_weights import confidence_of, match_tone
@@ -142,25 +142,27 @@ def measured_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -
     return torch.cat(planes) * kept
 
 
-def filled_input(measured: Tensor, noise: Tensor | float = 0.0, overall: float = 0.0) -> Tensor:
+def filled_input(measured: Tensor, noise: Tensor | float = 0.0, overall: float = 0.0,
+                 averaging: Averaging = FOR_NETWORK) -> Tensor:
     """(6, H, W), the network's input: filled RGB 0..1; confidence; filled depth feature; filled noise level.
 
     measured: (6, H, W) of :func:`measured_input`.  noise: standard deviation of a single point's colour, full brightness = 1,
     at each pixel (H, W) or one value for all.  The noise level is NOISE_SCALE times the standard deviation of a pixel's mean
     colour (a noise-level map: FFDNet, Zhang et al. 2018).  overall: noise of the scan, by which points are averaged where they
-    are sparse (model/reference/pull_push.py); then ``noise`` is (H, W).
+    are sparse (model/reference/pull_push.py); then ``noise`` is (H, W).  averaging: FOR_PICTURE where the first three channels
+    are shown.
     """
     level, weight = NOISE_SCALE * noise * measured[5], measured[3]
-    if averages(overall):
-        weight = averaging_weight(weight, noise * measured[5])
-    filled = pull_push(torch.stack([*measured[:3], measured[4], level]), weight, widened=widening(overall))
+    if averaging.applies(overall):
+        weight = averaging_weight(weight, noise * measured[5], measured[4], averaging)
+    filled = pull_push(torch.stack([*measured[:3], measured[4], level]), weight, widened=averaging.widening(overall))
     return torch.cat([filled[:3], weight[None], filled[3:]])
 
 
 def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float, noise: Tensor | float = 0.0,
-                  overall: float = 0.0) -> Tensor:
+                  overall: float = 0.0, averaging: Averaging = FOR_NETWORK) -> Tensor:
     """(6, H, W): the network's input, see :func:`filled_input`."""
-    return filled_input(measured_input(raster, mask, focal, spacing), noise, overall)
+    return filled_input(measured_input(raster, mask, focal, spacing), noise, overall, averaging)
 
 
 def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset: str = "auto", strength: float = 1.0,

@@ -14,7 +14,8 @@ changes continuously with the camera.
 Where points lie far apart in the picture, each is a spot of its own colour, and in a very noisy scan most of what such a spot
 shows is noise.  There the weight of a measured pixel is lowered (:func:`averaging_weight`, ``averaging.comp``): pull-push
 completes it and the gap around it from its neighbours, as if each were a mean of n points, n growing with the noise.  A surface
-then needs n points to fill a gap, so its spacing counts as sqrt(n) times wider where gaps are filled from the background.
+then needs n points to fill a gap, so its spacing counts as wider where gaps are filled from the background.  A pixel nearer
+than most around it keeps its weight.
 """
 
 from collections.abc import Sequence
@@ -23,16 +24,17 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from ..network.network_layout import DEPTH_FEATURE_SCALE
 from .fill_constants import (  # fmt: skip
-    AVERAGED,
-    DENSE,
     DENSITY_BLOCK,
     EMPTY_FEATURE,
     FIRST_LEVEL,
+    NEAR_DOUBLINGS,
+    NEAR_SPREAD,
     NEARER_SCALE,
     NEARER_START,
     NOISE_UNIT,
-    SPARSE,
+    Averaging,
     wider_ramp,
 )
 from .pyramid import bilinear, clamped, quads
@@ -48,7 +50,7 @@ def pull_push(image: Tensor, mask: Tensor, footprint: float | None = None, widen
     mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
     where the weight is 1; all zeros where nothing is measured.
     footprint: of an orthographic picture, as of :func:`model.reference.fill_constants.wider_ramp`.
-    widened: of :func:`model.reference.fill_constants.widening`.
+    widened: of :meth:`model.reference.fill_constants.Averaging.widening`.
     """
     by_depth = len(image) > DEPTH
     weight = mask.to(image.dtype)
@@ -118,22 +120,30 @@ def _sampled(coarse: Tensor, height: int, width: int, level: float | None, footp
     return torch.stack(columns, -1).flatten(-2)[..., :height, :width]
 
 
-def averaging_weight(confidence: Tensor, sigma: Tensor) -> Tensor:
+def averaging_weight(confidence: Tensor, sigma: Tensor, feature: Tensor, averaging: Averaging) -> Tensor:
     """(H, W) weight 0..1 of each pixel in the fill.
 
     confidence: (H, W) 0..1, 0 where nothing is measured.  sigma: (H, W) standard deviation of a pixel's mean colour, full
-    brightness = 1.
+    brightness = 1.  feature: (H, W) depth feature.
     """
-    apart = 1.0 / _density(confidence > 0).clamp_min(1e-6)  # square of the distance between points, pixels
-    sparse = ((apart - DENSE**2) * (1.0 / (SPARSE**2 - DENSE**2))).clamp(0.0, 1.0)
-    return confidence / (1.0 + sparse * (AVERAGED / NOISE_UNIT**2) * sigma.square())
+    density, mean, spread = _surroundings(confidence > 0, feature)
+    apart = 1.0 / density.clamp_min(1e-6)  # square of the distance between points, pixels
+    scale = 1.0 / (averaging.sparse**2 - averaging.dense**2)
+    sparse = ((apart - averaging.dense**2) * scale).clamp(0.0, 1.0)
+    near = (mean - feature - NEAR_SPREAD * spread) * (1.0 / (NEAR_DOUBLINGS * DEPTH_FEATURE_SCALE))
+    averaged = sparse * (1.0 - near.clamp(0.0, 1.0))
+    return confidence / (1.0 + averaged * NOISE_UNIT**-2 * sigma.square())
 
 
-def _density(kept: Tensor) -> Tensor:
-    """(H, W) share of measured pixels around each: of blocks, interpolated between their centres, borders repeated."""
+def _surroundings(kept: Tensor, feature: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Share of measured pixels around each, and mean and standard deviation of their depth feature, (H, W) each: of blocks,
+    interpolated between their centres, borders repeated."""
     height, width = kept.shape
     own = kept.to(torch.float32)
-    padded = F.pad(torch.stack([own, torch.ones_like(own)]), (0, -width % DENSITY_BLOCK, 0, -height % DENSITY_BLOCK))
-    held, pixels = F.avg_pool2d(padded, DENSITY_BLOCK)
-    whole = (held / pixels)[None, None]
-    return F.interpolate(whole, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[0, 0, :height, :width]
+    planes = torch.stack([own, own * feature, own * feature.square(), torch.ones_like(own)])
+    *sums, pixels = F.avg_pool2d(F.pad(planes, (0, -width % DENSITY_BLOCK, 0, -height % DENSITY_BLOCK)), DENSITY_BLOCK)
+    whole = torch.stack(sums)[None] / pixels
+    around = F.interpolate(whole, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[0, :, :height, :width]
+    density = around[0]
+    mean, square = around[1:] / density.clamp_min(1e-6)
+    return density, mean, (square - mean.square()).clamp_min(0.0).sqrt()

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from pointglass.model.reference.depth_filter import keep_mask
+from pointglass.model.reference.fill_constants import FOR_NETWORK, FOR_PICTURE
 from pointglass.model.reference.hole_test import coverage
 from pointglass.model.reference.noise_level import pixel_noise
 from pointglass.model.reference.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
@@ -21,6 +22,7 @@ class ReferenceFrame:
     raster: Raster
     mask: np.ndarray
     filled: np.ndarray
+    shown: np.ndarray
     alpha: np.ndarray
     met: torch.Tensor | None
 
@@ -67,8 +69,9 @@ def reference_frame(scene, camera, settings, *, metre=1.0) -> ReferenceFrame:
     ) & (raster.count > 0)
     noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
     overall = 0.0 if scene.noise is None or settings.filter != "auto" or settings.soft_z != "auto" else scene.noise.overall
-    packed = network_input(raster, mask, camera.fx, scene.spacing, noise, overall)
+    packed, shown = (network_input(raster, mask, camera.fx, scene.spacing, noise, overall, averaging).numpy()
+                     for averaging in (FOR_NETWORK, FOR_PICTURE))
     around = Enclosure(scene).around(camera.position)
     met = rays_met(around, camera)
     alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())
-    return ReferenceFrame(raster, mask.numpy(), packed.numpy(), alpha, met)
+    return ReferenceFrame(raster, mask.numpy(), packed, shown[:3], alpha, met)

@@ -50,7 +50,7 @@ def assert_agrees(frame, reference):
     image = frame.image("filled")
     same_alpha = np.abs(image[..., 3] / 255 - reference.alpha) < 0.51 / 255
     assert (~same_alpha).sum() <= 2e-4 * same_alpha.size + 2 + around  # float32 rays on the border of a direction cell
-    filled = np.clip(reference.filled[:3], 0, 1).transpose(1, 2, 0) * 255 * reference.alpha[..., None]
+    filled = np.clip(reference.shown, 0, 1).transpose(1, 2, 0) * 255 * reference.alpha[..., None]
     assert (np.abs(image[..., :3] - filled)[same_alpha].max(-1) > 0.51).sum() <= max(around, between)
 
 

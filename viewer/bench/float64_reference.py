@@ -20,6 +20,7 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
     """Filled picture (H, W, 3) uint8, background included, and keep-mask (H, W) bool.  metre: file units per metre."""
     import torch
 
+    from ...model.reference.fill_constants import FOR_PICTURE
     from ...model.reference.noise_level import pixel_noise
     from ...model.reference.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points
     from ...model.reference.station_weights import station_weights
@@ -46,8 +47,8 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
     raster, mask = frame(index, z, rgb, camera, soft, preset=settings.filter, strength=settings.filter_strength,
                          levels=settings.filter_levels, metre=metre, weight=weight)
     noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
-    widened = widening_of(settings, None, scene.noise)
+    widened = widening_of(settings, None, scene.noise, FOR_PICTURE)
     overall = scene.noise.overall if scene.noise is not None and widened else 0.0
-    filled = network_input(raster, mask, camera.fx, scene.spacing, noise, overall)[:3]
+    filled = network_input(raster, mask, camera.fx, scene.spacing, noise, overall, FOR_PICTURE)[:3]
     picture = (filled.clamp(0, 1) * 255.0 + 0.5).floor().to(torch.uint8)
     return picture.permute(1, 2, 0).numpy(), mask.numpy()

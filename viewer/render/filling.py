@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...model.reference.fill_constants import FOR_NETWORK, FOR_PICTURE
 from .passes.averaging import widening_of
 from .passes.fill_cpu import CpuFill
 from .passes.filter_cpu import CpuDepthFilter
@@ -16,6 +17,7 @@ from .raster.raster_cpu import CpuRasteriser
 if TYPE_CHECKING:
     import moderngl
 
+    from ...model.reference.fill_constants import Averaging
     from ..grid.scene import Scene
     from ..picture.edits import Edits
     from ..picture.settings import Settings
@@ -33,24 +35,40 @@ _BYTE = np.float32(1.0 / 255.0)
 def fill_in(passes: "SizedPasses", stages: "Stages", scene: "Scene", frame: "Frame", rasteriser: "Rasteriser",
             step: "DepthFilter | CpuDepthFilter", settings: "Settings", edits: "Edits | None", network: "NeuralStage | None", *,
             around: "Directions", software: bool, with_depth: bool) -> "moderngl.Texture":
-    """The filled view of a frame whose depth filter ``step`` has run; also writes the input of ``network``, where one is given.
+    """The filled view of a frame whose depth filter ``step`` has run; also writes the input of ``network``, where one is given:
+    before it, where the two are averaged differently, so that the filled view is the same with and without.
 
     around: the directions from the camera.  software: whether OpenGL is.  with_depth: whether the fill's depth is made, too.
     """
+    shown = widening_of(settings, edits, scene.noise, FOR_PICTURE)
+    if network is not None:
+        widened = widening_of(settings, edits, scene.noise, FOR_NETWORK)
+        texture = _fill_once(passes, stages, scene, frame, rasteriser, step, settings, network, around=around, software=software,
+                             with_depth=with_depth, averaging=FOR_NETWORK, widened=widened, stage="input " if shown else "")
+        if not shown:
+            return texture
+    return _fill_once(passes, stages, scene, frame, rasteriser, step, settings, None, around=around, software=software,
+                      with_depth=with_depth, averaging=FOR_PICTURE, widened=shown)
+
+
+def _fill_once(passes: "SizedPasses", stages: "Stages", scene: "Scene", frame: "Frame", rasteriser: "Rasteriser",
+               step: "DepthFilter | CpuDepthFilter", settings: "Settings", network: "NeuralStage | None", *, around: "Directions",
+               software: bool, with_depth: bool, averaging: "Averaging", widened: float, stage: str = "") -> "moderngl.Texture":
+    """One run, averaged as ``averaging`` says if ``widened``, of its widening_of, is above 0.  stage: prefix of the stages'
+    names."""
     # loops: where the network's input stays in main memory, too
     here = software and isinstance(rasteriser, CpuRasteriser) and (network is None or network.deferrable)
     fill, camera, depth = passes.fill_pass(here=here), frame.camera, frame.ratio_depth
     assert depth is not None
     colour, weight = passes.fill_input(rasteriser, step.mask)
-    widened = widening_of(settings, edits, scene.noise)
     noise = passes.noise_level(scene.noise) if network or widened else None
     measured, options = weight, {"camera": camera, "weighted": rasteriser.weighted}
     if noise and (widened or not here):
         given = rasteriser.colour, rasteriser.depth, rasteriser.weight, weight
-        with stages("noise" if not here else "averaging"):
+        with stages(stage + ("noise" if not here else "averaging")):
             if widened:
                 noise.run(*given, **options, detail=1.0)
-                weight = passes.averaged(weight, noise.level)
+                weight = passes.averaged(weight, noise.level, depth, 1.0 / (camera.fx * scene.spacing), averaging)
             if network and not here and not (widened and settings.detail == 1.0):
                 noise.run(*given, **options, detail=settings.detail)
     more = {"camera": camera, "around": around, "spacing": scene.spacing, "with_depth": with_depth, "widened": widened}
@@ -60,15 +78,15 @@ def fill_in(passes: "SizedPasses", stages: "Stages", scene: "Scene", frame: "Fra
         weights = _weights(step.kept if isinstance(step, CpuDepthFilter) and weight is step.mask else
                            _values(weight, np.uint8 if weight.dtype == "f1" else np.float32))
         if noise and network:
-            with stages("noise"):
+            with stages(f"{stage}noise"):
                 levels = noise.run_here(rasteriser.colours, rasteriser.depths, rasteriser.weights, weights, **options,
                                         detail=settings.detail)
-        with stages("fill"):
+        with stages(f"{stage}fill"):
             colours = rasteriser.colours if measured is step.mask else _values(colour, np.uint32)
             depths = rasteriser.depths if depth is rasteriser.depth else _values(depth, np.float32)
             loops.run_here(colours, weights, depths, noise=levels, network=network is not None, **more)
     else:
-        with stages("fill"):
+        with stages(f"{stage}fill"):
             fill.run(colour, weight, depth, noise=noise.level if noise else None,
                      network=network.bridge.input if network else None, **more)
     if network is not None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..common.errors import DeviceError, Option
-from .passes.averaging import Averaging
+from .passes.averaging import AveragingPass
 from .passes.depth_ratios import ParallelDepth, middle_depth
 from .passes.fill import Fill
 from .passes.fill_cpu import CpuFill
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from ...model.appearance.noise import NoiseModel
+    from ...model.reference.fill_constants import Averaging
     from ..grid.scene import Scene
     from ..picture.camera import Camera
     from ..picture.settings import Settings
@@ -46,7 +47,7 @@ class SizedPasses:
     fill: Fill | None = None
     confidence: Confidence | None = None
     noise: NoiseLevel | None = None
-    averaging: Averaging | None = None
+    averaging: AveragingPass | None = None
     photos: PhotoPass | None = None
     parallel: ParallelDepth | None = None
     neural: "NeuralStage | None" = None
@@ -121,10 +122,12 @@ class SizedPasses:
         if network is not None:
             network.photographs = self.photos if numbers else None
 
-    def averaged(self, confidence: "moderngl.Texture", level: "moderngl.Texture") -> "moderngl.Texture":
-        """The weight of each pixel in the fill of a noisy scan.  confidence: of :meth:`fill_input`.  level: of noise_level."""
-        self.averaging = self.averaging or Averaging(self.programs, self.size)
-        self.averaging.run(confidence, level)
+    def averaged(self, confidence: "moderngl.Texture", level: "moderngl.Texture", depth: "moderngl.Texture",
+                 feature_scale: float, by: "Averaging") -> "moderngl.Texture":
+        """The weight of each pixel in the fill of a noisy scan.  confidence: of :meth:`fill_input`.  level: of noise_level.
+        depth, feature_scale, by: of :meth:`AveragingPass.run`."""
+        self.averaging = self.averaging or AveragingPass(self.programs, self.size)
+        self.averaging.run(confidence, level, depth, feature_scale, by)
         return self.averaging.averaged
 
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:

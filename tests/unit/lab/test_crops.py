@@ -52,7 +52,7 @@ def test_flow_leads_to_the_same_surface_in_rotated_and_mirrored_crops(tmp_path):
 def test_crops_of_a_noisy_scan_are_averaged_where_they_are_sparse_as_its_pictures_are(tmp_path):
     rng = np.random.default_rng(4)
     measured = rng.random((1, 6, 96, 96)).astype(np.float16)
-    measured[:, 3], measured[:, 5] = rng.random((96, 96)) < 0.01, 1.0
+    measured[:, 3], measured[:, 4], measured[:, 5] = rng.random((96, 96)) < 0.01, 0.0, 1.0
     np.save(tmp_path / "measured.npy", measured * (measured[:, 3:4] > 0))
     np.save(tmp_path / "truth.npy", np.zeros((1, 5, 96, 96), np.uint8))
     np.save(tmp_path / "noise.npy", np.full((1, 1, 96, 96), 0.07, np.float16))

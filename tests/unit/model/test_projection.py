@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pointglass.model.common.linear_light import LEVELS, TO_LINEAR, TO_SRGB
+from pointglass.model.reference.fill_constants import FOR_NETWORK, FOR_PICTURE
 from pointglass.model.reference.projection import (
     NOISE_SCALE,
     SoftZ,
@@ -19,7 +20,7 @@ from pointglass.model.reference.projection import (
     rasterise,
     unpack_points,
 )
-from pointglass.model.reference.pull_push import FIRST_LEVEL, background, pull_push
+from pointglass.model.reference.pull_push import FIRST_LEVEL, averaging_weight, background, pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
 
@@ -141,6 +142,19 @@ def test_fill_depends_on_depth_alone_and_applies_to_all_channels(seed):
     assert torch.equal(made[4], made[0]) and torch.equal(pull_push(image[:4], weight), made[:4])
     other = torch.from_numpy(rng.random(mask.shape))
     assert torch.equal(pull_push(torch.cat([image[:4], other[None]]), weight)[:4], made[:4])
+
+
+def test_noisy_points_count_less_where_they_are_sparse_but_not_those_nearer_than_the_others():
+    kept = torch.zeros(64, 128)
+    kept[::6, :64:6], kept[:, 64:] = 1.0, 1.0  # six pixels apart, and everywhere
+    feature = torch.zeros(64, 128)
+    feature[30, 30] = -0.1  # 24 % nearer
+    shown, given = (averaging_weight(kept, torch.full((64, 128), 0.06), feature, by) for by in (FOR_PICTURE, FOR_NETWORK))
+    assert torch.equal(shown[:, 80:], kept[:, 80:]) and shown[30, 30] == given[30, 30] == 1.0
+    others = kept[:, :48].clone()
+    others[30, 30] = 0.0
+    assert torch.allclose(shown[:, :48][others > 0], torch.tensor(1 / (1 + 0.06**2 / 0.03**2)))
+    assert (given[:, :48][others > 0] < 1).all() and (given >= shown).all()
 
 
 def test_at_constant_depth_the_fill_is_plain_pull_push(seed):

@@ -3,48 +3,52 @@ and noisy.  ``model/reference/pull_push.py`` is the reference implementation and
 
 from typing import TYPE_CHECKING
 
-from ....model.network.network_layout import NOISE_SCALE
-from ....model.reference.fill_constants import AVERAGED, DENSE, DENSITY_BLOCK, NOISE_UNIT, SPARSE, widening
+from ....model.network.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE
+from ....model.reference.fill_constants import DENSITY_BLOCK, NEAR_DOUBLINGS, NEAR_SPREAD, NOISE_UNIT
 from ..device.compute_pass import Pass
 
 if TYPE_CHECKING:
     import moderngl
 
     from ....model.appearance.noise import NoiseModel
+    from ....model.reference.fill_constants import Averaging
     from ...picture.edits import Edits
     from ...picture.settings import Settings
     from ..device.shader import Programs
 
 
-def widening_of(settings: "Settings", edits: "Edits | None", noise: "NoiseModel | None") -> float:
-    """:func:`model.reference.fill_constants.widening` of a picture, 0 where nothing is averaged: scans of little noise,
-    presets of the published programs, and points in other colours than their own."""
+def widening_of(settings: "Settings", edits: "Edits | None", noise: "NoiseModel | None", averaging: "Averaging") -> float:
+    """:meth:`model.reference.fill_constants.Averaging.widening` of a picture, 0 where nothing is averaged: scans of little
+    noise, presets of the published programs, and points in other colours than their own."""
     recoloured = edits is not None and edits.recolours
     if noise is None or recoloured or settings.filter != "auto" or settings.soft_z != "auto":
         return 0.0
-    return widening(noise.overall)
+    return averaging.widening(noise.overall)
 
 
-class Averaging:
+class AveragingPass:
     """Owns the targets of one picture size; ``run`` fills ``averaged`` (R32F), the weight of each pixel, 0 where nothing is
     measured."""
 
     def __init__(self, programs: "Programs", size: tuple[int, int]):
         self.averaged = programs.context.texture(size, 1, dtype="f4")
-        self._shares = programs.context.texture((-(-size[0] // DENSITY_BLOCK), -(-size[1] // DENSITY_BLOCK)), 1, dtype="f4")
-        self._count = Pass(programs, "averaging, counts", "averaging.comp", outputs=("shares",), inputs=("mask",), COUNTS=1,
-                           BLOCK=DENSITY_BLOCK)
-        self._weigh = Pass(programs, "averaging", "averaging.comp", outputs=("averaged",), inputs=("mask", "shares", "level"),
-                           uniforms=("per_level",), BLOCK=DENSITY_BLOCK, DENSE_SQUARE=DENSE**2,
-                           SPARSE_SCALE=1.0 / (SPARSE**2 - DENSE**2))
-        self._weigh.set_uniforms(per_level=AVERAGED / (NOISE_UNIT * NOISE_SCALE) ** 2)
+        self._blocks = programs.context.texture((-(-size[0] // DENSITY_BLOCK), -(-size[1] // DENSITY_BLOCK)), 4, dtype="f4")
+        constants = {"BLOCK": DENSITY_BLOCK, "FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
+        self._count = Pass(programs, "averaging, blocks", "averaging.comp", outputs=("blocks",), inputs=("mask", "depth"),
+                           uniforms=("feature_scale",), BLOCKS=1, **constants)
+        self._weigh = Pass(programs, "averaging", "averaging.comp", outputs=("averaged",),
+                           inputs=("mask", "depth", "blocks", "level"), uniforms=("feature_scale", "ramp", "per_level"),
+                           NEAR_SPREAD=NEAR_SPREAD, NEAR_SCALE=1.0 / (NEAR_DOUBLINGS * DEPTH_FEATURE_SCALE), **constants)
+        self._weigh.set_uniforms(per_level=1.0 / (NOISE_UNIT * NOISE_SCALE) ** 2)
 
-    def run(self, mask: "moderngl.Texture", level: "moderngl.Texture") -> None:
-        """mask: keep-mask or confidence.  level: of NoiseLevel, with detail 1."""
-        self._count.run(self._shares, inputs={"mask": mask})
-        self._weigh.run(self.averaged, inputs={"mask": mask, "shares": self._shares, "level": level})
+    def run(self, mask: "moderngl.Texture", level: "moderngl.Texture", depth: "moderngl.Texture", feature_scale: float,
+            by: "Averaging") -> None:
+        """mask: keep-mask or confidence.  level: of NoiseLevel, with detail 1.  depth, feature_scale: as of Fill."""
+        self._count.run(self._blocks, inputs={"mask": mask, "depth": depth}, feature_scale=feature_scale)
+        self._weigh.run(self.averaged, inputs={"mask": mask, "depth": depth, "blocks": self._blocks, "level": level},
+                        feature_scale=feature_scale, ramp=(by.dense**2, 1.0 / (by.sparse**2 - by.dense**2)))
 
     def release(self) -> None:
         """Frees the targets."""
         self.averaged.release()
-        self._shares.release()
+        self._blocks.release()
