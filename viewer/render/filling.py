@@ -4,6 +4,7 @@ By compute passes, or in compiled loops where OpenGL is software and the process
 llvmpipe takes four times as long (viewer/bench/README.md).
 """
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,20 +41,21 @@ def fill_in(passes: "SizedPasses", stages: "Stages", scene: "Scene", frame: "Fra
 
     around: the directions from the camera.  software: whether OpenGL is.  with_depth: whether the fill's depth is made, too.
     """
+    once = partial(_fill_once, passes, stages, scene, frame, rasteriser, step, settings, around=around, software=software,
+                   with_depth=with_depth)
     shown = widening_of(settings, edits, scene.noise, FOR_PICTURE)
     if network is not None:
-        widened = widening_of(settings, edits, scene.noise, FOR_NETWORK)
-        texture = _fill_once(passes, stages, scene, frame, rasteriser, step, settings, network, around=around, software=software,
-                             with_depth=with_depth, averaging=FOR_NETWORK, widened=widened, stage="input " if shown else "")
+        texture = once(network, averaging=FOR_NETWORK, widened=widening_of(settings, edits, scene.noise, FOR_NETWORK),
+                       stage="input " if shown else "")
         if not shown:
             return texture
-    return _fill_once(passes, stages, scene, frame, rasteriser, step, settings, None, around=around, software=software,
-                      with_depth=with_depth, averaging=FOR_PICTURE, widened=shown)
+    return once(None, averaging=FOR_PICTURE, widened=shown)
 
 
 def _fill_once(passes: "SizedPasses", stages: "Stages", scene: "Scene", frame: "Frame", rasteriser: "Rasteriser",
-               step: "DepthFilter | CpuDepthFilter", settings: "Settings", network: "NeuralStage | None", *, around: "Directions",
-               software: bool, with_depth: bool, averaging: "Averaging", widened: float, stage: str = "") -> "moderngl.Texture":
+               step: "DepthFilter | CpuDepthFilter", settings: "Settings", network: "NeuralStage | None", *,
+               around: "Directions", software: bool, with_depth: bool, averaging: "Averaging", widened: float, stage: str = ""
+               ) -> "moderngl.Texture":
     """One run, averaged as ``averaging`` says if ``widened``, of its widening_of, is above 0.  stage: prefix of the stages'
     names."""
     # loops: where the network's input stays in main memory, too
