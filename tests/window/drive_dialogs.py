@@ -1,5 +1,5 @@
-"""Chooses files by X key and pointer events, for ``test_dialogs.py``: open, save, replace, locate, photographs, files; and
-drags a clip.
+"""Chooses files by X key and pointer events, for ``test_dialogs.py``: open, also at addresses, save, replace, locate,
+photographs, files; and drags a clip.
 
 Each check begins where the one before left the window; what is drawn is left as PNG, to be looked at.
 """
@@ -17,9 +17,10 @@ from x_keyboard import focus, xdo
 
 from pointglass.viewer.window.kit import icons
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+sys.path += [str(Path(__file__).resolve().parents[1] / part) for part in ("unit", "unit/readers")]
 
 from e57_photo_files import pinhole, room_points, write_photos
+from range_server import served
 
 SIZE = (960, 600)
 
@@ -86,6 +87,40 @@ class Person:
         self.d.until(lambda: session.loads.current is None and session.scene is not None
                      and session.shown_scan.title == title, 90.0)
         self.d.settle()
+
+
+def check_an_address_is_typed_and_is_a_recent_scan_that_opens(p: Person, folder: Path) -> None:
+    from pointglass.viewer.window.session.recent import recent_scans
+
+    notices = p.d.session.notices
+    with served({"far.ply": write_ply(folder / "far.ply").read_bytes()}) as server:
+        for address, told in ((f"{server.address}/near.ply", "near.ply: "), ("ftp://there/far.ply", "read from https://")):
+            p.key("o")
+            p.listed()
+            p.type(address)
+            p.key("Return")
+            p.d.until(lambda: notices.message is not None or (p.choice is not None and p.choice.problem))
+            said = p.choice.problem if p.choice is not None else notices.message.text
+            assert address.partition(":")[0] + "://" in said and told in said
+            p.d.picture(f"refused {address[:3]}")
+            p.key("Escape")
+            p.d.settle()
+        p.d.picture("start page")
+        p.click("Open an address…")
+        p.listed()
+        p.d.picture("dialog address")
+        p.type(f"{server.address}/far.ply?password=1&token=2")
+        p.key("Return")
+        p.opened("far.ply")
+        p.d.rest()
+        p.d.app.act("close_scan")
+        asked = len(server.queries)
+        p.d.settle(4)
+        p.d.picture("recent address")
+        assert len(server.queries) == asked, "drawing the list asks no server"
+        assert recent_scans()[0].paths == (f"{server.address}/far.ply?password=1",)
+        p.click("card")
+        p.opened("far.ply")
 
 
 def check_a_path_is_typed_completed_and_opened(p: Person, folder: Path) -> None:

@@ -65,6 +65,24 @@ def whole_path(path: Path | str) -> str:
     return f"{match[1].lower()}://{match[2]}" if match else os.path.abspath(path)
 
 
+def address_text(path: Path | str) -> str:
+    """A path for people, which of an address has no user name and no query."""
+    try:
+        address = address_in(path)
+    except InputError:  # it names no file
+        address = None
+    return str(path) if address is None else address.text
+
+
+def kept_path(path: Path | str) -> str:
+    """The absolute path of a file; of an address what is kept of it, without a password or a signature."""
+    try:
+        address = address_in(path)
+    except InputError:
+        address = None
+    return whole_path(path) if address is None else address.kept
+
+
 def beside(address: Address, name: str) -> Address:
     """The address of the file ``name``, a path relative to the folder of ``address``."""
     folder = address.place.rpartition("/")[0]

@@ -169,6 +169,8 @@ class ChoiceWindow:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1)
         asked = "name or path" if choice.saving else "type to search; a path, ~ and Tab work as in a terminal"
+        if choice.request.addresses:
+            asked = "type to search; a path, Tab, and an address of a scan (https://…, s3://…) work as in a terminal"
         replaced = choice.text != self._shown_text
 
         def edited(data: imgui.InputTextCallbackData) -> int:

@@ -1,30 +1,37 @@
 """The path that a person typed or pasted: what it means, what it is, and why it cannot be read or written."""
 
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 from ....model.common.system import locked
+from ...common.errors import InputError
+from ...readers.formats import check_address, refuse_address
+from ...readers.remote.address import address_in
 from .folder_list import words
 
 LONGEST_NAME = 255
 """Bytes of a file's name on the usual file systems."""
+_ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Examined:
-    """What a chosen path is.  problem: why it cannot be chosen, in words, "" where it can."""
+    """What a chosen path is.  problem: why it cannot be chosen, in words, "" where it can.  address: of a scan elsewhere,
+    which was not asked for."""
 
     path: Path
     folder: bool = False
     exists: bool = False
     problem: str = ""
+    address: bool = False
 
 
-def examine(path: Path, saving: bool) -> Examined:
-    """Looks at a path on the disk; on a thread, because a disk may not answer."""
+def examine(path: Path, saving: bool, addresses: bool = False) -> Examined:
+    """Looks at a path on the disk; on a thread, because a disk may not answer.  addresses: whether those of scans count."""
     if "\0" in path.name:
         return Examined(path, problem="a name cannot hold a null character")
     try:
@@ -39,7 +46,7 @@ def examine(path: Path, saving: bool) -> Examined:
                 why = f"{path}: a window is writing this file; choose another name"
             return Examined(path, exists=True, problem=why)
         if not saving:
-            return Examined(path, problem=f"{path}: it does not exist")
+            return _not_here(path, addresses)
         if not path.parent.is_dir():
             return Examined(path, problem=f"{path.parent}: there is no such folder")
         if not os.access(path.parent, os.W_OK):
@@ -47,6 +54,17 @@ def examine(path: Path, saving: bool) -> Examined:
         return Examined(path)
     except (OSError, ValueError) as error:
         return Examined(path, problem=f"{path}: {words(error) if isinstance(error, OSError) else error}")
+
+
+def _not_here(path: Path, addresses: bool) -> Examined:
+    """Of an address the server is not asked: whoever opens it says what is wrong with it."""
+    try:
+        (check_address if addresses else refuse_address)(path)
+    except InputError as error:
+        return Examined(path, problem=str(error))
+    if addresses and address_in(path) is not None:
+        return Examined(path, address=True)
+    return Examined(path, problem=f"{path}: it does not exist")
 
 
 def with_ending(path: Path, chosen: Sequence[str], known: Sequence[str]) -> Path:
@@ -84,6 +102,19 @@ def pasted(text: str) -> str:
     if text.startswith("file://"):
         text = unquote(urlparse(text).path)
     return text
+
+
+def is_address_text(text: str) -> bool:
+    """Whether a text begins as an address does: no folder of this machine is listed of it."""
+    return _ADDRESS.match(text) is not None
+
+
+def path_of(text: str, folder: Path) -> Path:
+    """What a typed text means: an address, a path, or a name in ``folder``, which itself is meant by nothing."""
+    text = os.path.expanduser(pasted(text))
+    if is_address_text(text):
+        return Path(text)
+    return Path(os.path.normpath(folder / text)) if text else folder
 
 
 def names_folder(text: str) -> bool:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..kit.worker import Worker
-from .chosen_path import Examined, examine, names_folder, pasted, with_ending
+from .chosen_path import Examined, examine, is_address_text, names_folder, pasted, path_of, with_ending
 from .folder_list import Entry, FolderList, natural, words
 
 Endings = Mapping[str, tuple[str, ...]]
@@ -23,8 +23,8 @@ class Request:
     """What is asked for.
 
     purpose: the key of the remembered folder.  kind: ``save``, ``open`` or ``folder``.  name: suggested, of a save.
-    many: several files may be chosen.  done: called with the absolute paths, in the turn after they were chosen; not called
-    where the dialog is cancelled.
+    many: several files may be chosen.  addresses: one of a scan may be typed instead.  done: called with the absolute paths, in
+    the turn after they were chosen; not called where the dialog is cancelled.
     """
 
     purpose: str
@@ -34,6 +34,7 @@ class Request:
     endings: Endings = field(default_factory=lambda: EVERY)
     name: str = ""
     many: bool = False
+    addresses: bool = False
 
 
 class FileChoice:
@@ -109,11 +110,6 @@ class FileChoice:
         ranked = sorted(zip((not entry.folder for entry in shown), begins, range(len(shown))))
         return [shown[number] for _, _, number in ranked]
 
-    def _path(self, text: str) -> Path:
-        """What the text means: a path, or a name in the folder listed."""
-        text = os.path.expanduser(pasted(text))
-        return Path(os.path.normpath(self.folder / text)) if text else self.folder
-
     def go(self, folder: Path) -> None:
         """Lists another folder; the name of a file that is saved stays."""
         self.folder = folder
@@ -147,9 +143,9 @@ class FileChoice:
         self.text, self.problem, self.question = text, "", None
         self.cursor, self.chosen = -1, set()
         plain = pasted(text)
-        head, leaf = os.path.split(plain)
+        head, leaf = ("", "") if is_address_text(plain) else os.path.split(plain)
         if head or plain == "~":
-            self._list(self._path(head or plain))
+            self._list(path_of(head or plain, self.folder))
             self.filter = "" if plain == "~" else leaf
         else:
             self._list(self.folder)
@@ -158,6 +154,8 @@ class FileChoice:
     def complete(self) -> None:
         """Tab: adds to the text what all names that begin with it have in common."""
         head, leaf = os.path.split(pasted(self.text))
+        if is_address_text(pasted(self.text)):
+            return
         found = [entry for entry in self.listing.entries if entry.name.casefold().startswith(leaf.casefold())
                  and (self.hidden or leaf.startswith(".") or not entry.hidden)]
         if not found or (not leaf and len(found) > 1 and not head):
@@ -224,11 +222,11 @@ class FileChoice:
         here = self.listing.folder
         if self.request.kind == "folder":
             selected = 0 <= self.cursor < len(self.rows)
-            paths = [here / self.rows[self.cursor].name if selected else self._path(self.text) if self.text else here]
+            paths = [here / self.rows[self.cursor].name if selected else path_of(self.text, self.folder) if self.text else here]
         elif len(self.chosen) > 1:
             paths = [here / name for name in sorted(self.chosen, key=natural)]
         elif names_folder(pasted(self.text)):
-            self.go(self._path(self.text))
+            self.go(path_of(self.text, self.folder))
             return
         elif not pasted(self.text):
             if 0 <= self.cursor < len(self.rows):
@@ -240,11 +238,12 @@ class FileChoice:
             named = self.saving or not self.filter or any(entry.name == self.filter for entry in self.listing.entries)
             if not named and len(self.rows) == 1:  # the only one that the search has left
                 self.text = self._within(self.rows[0].name)
-            paths = [self._path(self.text)]
+            paths = [path_of(self.text, self.folder)]
         ends_as_folder = pasted(self.text).endswith((os.sep, "/"))
         if self.saving and not ends_as_folder:
             paths = [self.named(paths[0])]
-        self._examining = Worker(lambda: [examine(path, self.saving) for path in paths], "Examining", self._wake)
+        asked = self.saving, self.request.addresses
+        self._examining = Worker(lambda: [examine(path, *asked) for path in paths], "Examining", self._wake)
 
     def named(self, path: Path) -> Path:
         """The path of a file to be saved, with the ending of the chosen kind where the name has none (chosen_path)."""
@@ -266,6 +265,9 @@ class FileChoice:
 
     def _take(self, found: list[Examined]) -> None:
         folders = [one for one in found if one.folder]
+        if found[0].address:
+            self.result = [found[0].path]
+            return
         if self.request.kind == "folder":
             bad = next((one.problem or f"{one.path}: it is a file, not a folder" for one in found if not one.folder), "")
             if bad:

@@ -21,6 +21,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
+from ...readers.remote.address import is_address
 from .file_choice import EVERY, Endings, FileChoice, Request
 from .remembered_folders import RememberedFolders
 
@@ -64,9 +65,10 @@ class FileDialogs:
         self._show(Request(purpose, title, "save", lambda paths: done(paths[0]), endings, name))
 
     def open(self, purpose: str, title: str, endings: Endings, done: Callable[[list[Path]], object], *, many: bool = False,
-             folder: Path | None = None) -> None:
-        """Asks for an existing file, or several.  folder: where to begin, instead of the remembered one."""
-        self._show(Request(purpose, title, "open", done, {**endings, **EVERY}, many=many), folder)
+             addresses: bool = False, inside: bool = False, folder: Path | None = None) -> None:
+        """Asks for an existing file, or several.  addresses: one of a scan may be typed instead, where the dialog is inside the
+        window.  inside: it is, also where the system has its own.  folder: where to begin, instead of the remembered one."""
+        self._show(Request(purpose, title, "open", done, {**endings, **EVERY}, many=many, addresses=addresses), folder, inside)
 
     def open_folder(self, purpose: str, title: str, done: Callable[[Path], object]) -> None:
         """Asks for an existing folder."""
@@ -81,14 +83,14 @@ class FileDialogs:
         found = self.folders.folder_of(purpose), self.scan_folder(), Path.cwd(), Path.home()
         return [folder.absolute() for folder in found if folder is not None]
 
-    def _show(self, request: Request, folder: Path | None = None) -> None:
+    def _show(self, request: Request, folder: Path | None = None, inside: bool = False) -> None:
         """A dialog inside the window that asks for something else goes: what was asked for last is what a person wants."""
         if self._system is not None or (self.choice is not None and self.choice.request.title == request.title):
             return
         self.close()
         begin = ([folder] if folder is not None else []) + self.first_folders(request.purpose)
         self.has_system = system_dialog()  # which may have been installed meanwhile
-        if self.has_system and not self.folders.in_window:
+        if self.has_system and not (self.folders.in_window or inside):
             self._since = monotonic()
             self._system = _system(request, next((folder for folder in begin if folder.is_dir()), begin[-1])), request
         else:
@@ -128,8 +130,9 @@ class FileDialogs:
             choice.text, choice.question, self.choice = whole.name, whole, choice
 
     def _finish(self, request: Request, paths: list[Path]) -> None:
-        paths = [path.absolute() for path in paths]
-        self.folders.note(request.purpose, paths[0] if request.kind == "folder" else paths[0].parent)
+        if not (request.addresses and is_address(paths[0])):
+            paths = [path.absolute() for path in paths]
+            self.folders.note(request.purpose, paths[0] if request.kind == "folder" else paths[0].parent)
         request.done(paths)
 
     def close(self) -> None:

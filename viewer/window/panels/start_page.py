@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from ...common.text import count_text
 from ...readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from ...readers.remote.address import address_text
 from ..flight.mouse import PRESETS
 from ..kit import theme
 from ..kit.image_texture import texture_of
@@ -81,7 +82,7 @@ class StartPage:
         imgui.end()
 
     def _buttons(self, actions: Actions, style: Theme) -> None:
-        narrow = imgui.get_content_region_avail().x < style.px(460)
+        narrow = imgui.get_content_region_avail().x < style.px(620)
         gap = 0 if narrow else style.px(8)
         width = -1.0 if narrow else style.px(140)
         if button("Open scans…", style, width=width, primary=True,
@@ -92,6 +93,11 @@ class StartPage:
         if button("Open a folder…", style, width=width,
                   explained=f"A folder of scans, or a {KNOWN_FOLDERS} folder"):
             actions.do("open_folder")
+        if not narrow:
+            imgui.same_line(0, gap)
+        if button("Open an address…", style, width=width,
+                  explained="A scan on a server: https://…, s3://…"):
+            actions.do("open_address")
         if not narrow:
             imgui.same_line(0, gap)
         if button("Try the demo", style, width=width,
@@ -154,7 +160,7 @@ class StartPage:
         pressed = imgui.invisible_button("card", size)
         imgui.end_disabled()
         over = imgui.is_item_hovered()
-        hint(reason or "\n".join(scan.paths[:8]), style)
+        hint(reason or "\n".join(map(address_text, scan.paths[:8])), style)
         draw, corner = imgui.get_window_draw_list(), ImVec2(at.x + size.x, at.y + size.y)
         if texture is not None:
             shade = imgui.get_color_u32((1.0, 1.0, 1.0, 0.35 if reason else 1.0))

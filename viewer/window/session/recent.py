@@ -18,7 +18,7 @@ from ....model.common.files.state_folder import state_dir
 from ...common.errors import InputError
 from ...common.state_files import read_state, write_state
 from ...picture.json_values import from_json, to_json
-from ...readers.remote.address import whole_path
+from ...readers.remote.address import is_address, kept_path
 from ...work.viewpoint import Viewpoint
 
 MOST = 12
@@ -30,7 +30,7 @@ _FILE = "recent.json"
 
 @dataclass(frozen=True)
 class RecentScan:
-    """paths: absolute, as opened together: scans, or one project.  title: in a few words.  points: their number.
+    """paths: absolute, or addresses, as opened together: scans, or one project.  title: in a few words.  points: their number.
     view: where the camera stood when they were left, None where that is not known."""
 
     paths: tuple[str, ...]
@@ -46,8 +46,8 @@ class RecentScan:
 
     @property
     def missing(self) -> str:
-        """Why it cannot be opened, "" where all of its files are there."""
-        gone = [path for path in self.paths if not os.path.exists(path)]  # also where no file can have this name
+        """Why it cannot be opened, "" where all of its files are there.  No server is asked for what lies at an address."""
+        gone = [path for path in self.paths if not os.path.exists(path) and not is_address(path)]  # or cannot be
         return f"{gone[0]} is not there any more" if gone else ""
 
 
@@ -70,7 +70,7 @@ def _view(row: dict) -> Viewpoint | None:
 
 def last_view(paths: Sequence[Path]) -> Viewpoint | None:
     """Where the camera stood when these scans were left; None where that is not known."""
-    asked = tuple(whole_path(path) for path in paths)
+    asked = tuple(kept_path(path) for path in paths)
     return next((scan.view for scan in recent_scans() if scan.paths == asked), None)
 
 
@@ -79,7 +79,7 @@ def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | N
 
     What cannot be written is left out: closing a scan must not fail for want of a thumbnail.
     """
-    scan = RecentScan(tuple(whole_path(path) for path in paths), title, points, view)
+    scan = RecentScan(tuple(kept_path(path) for path in paths), title, points, view)
     before = recent_scans()
     kept = [scan, *(other for other in before if other.paths != scan.paths)][:MOST]
     try:

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from ...picture.camera import Camera
     from .input import Input
 
-_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
+_WITHOUT_SCENE = {"open", "open_folder", "open_address", "demo", "help", "escape", "screenshot", "record", "quit", "save",
+                  "save_as"}
 """Actions that work, or say why they do not, on the start page."""
 
 
@@ -192,6 +193,7 @@ def action_table(app: Host) -> "dict[str, Callable[[], object]]":
         "open": partial(_open_scans, app),
         "add": partial(_add_scans, app),
         "open_folder": partial(_open_folder, app),
+        "open_address": partial(_open_scans, app, "Open a scan at an address", inside=True),
         "demo": partial(_open_demo, app),
         "close_scan": app.close_scan,
         "profiler": lambda: setattr(session, "profiler", not session.profiler),
@@ -247,13 +249,14 @@ def _escape(app: Host) -> None:
         session.escape()
 
 
-def _open_scans(app: Host) -> None:
+def _open_scans(app: Host, title: str = "Open scans or a project", *, inside: bool = False) -> None:
+    """inside: with the dialog inside the window, which takes addresses."""
     from ...readers.formats import FORMATS
     from ...readers.meshes.mesh_formats import MESH_FORMATS
 
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
-    app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,),
-                                                           "Meshes": tuple(MESH_FORMATS)}, app.open, many=True)
+    kinds = {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,), "Meshes": tuple(MESH_FORMATS)}
+    app.files.open("scans", title, kinds, app.open, many=True, addresses=True, inside=inside)
 
 
 def _add_scans(app: Host) -> None:
@@ -265,7 +268,7 @@ def _add_scans(app: Host) -> None:
         app.session.work.edit(f"Add {counted(len(found.scans) - len(app.session.document.scans), 'scan')}", scans=found.scans)
 
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
-    app.files.open("scans", "Add scans to the scene", {"Scans": scans}, add, many=True)
+    app.files.open("scans", "Add scans to the scene", {"Scans": scans}, add, many=True, addresses=True)
 
 
 def _open_folder(app: Host) -> None:

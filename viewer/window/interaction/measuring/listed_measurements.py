@@ -1,6 +1,9 @@
 """The measurements of the document as the outliner and the tool's panel list them."""
 
+import re
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +11,7 @@ import numpy as np
 
 from ....common.errors import PointglassError
 from ....work.document import replaced, without
+from ....work.ghosts import NAME as GHOSTS
 from ....work.measuring.measure_text import components_text, fit_text, silhouette_text, value_text, volume_text
 from ....work.measuring.measurement import Measurement
 from ....work.measuring.values import components, evaluate
@@ -23,13 +27,32 @@ LEAST_SPACINGS = 100.0
 """Size of what is looked at, at least, in spacings of the points: nearer, a picture of points is blurred."""
 
 
+_NO_NAME = re.compile(rf"scan \d+|model .*|{re.escape(GHOSTS)}", re.DOTALL)
+"""What a point may say in place of a scan's name: the number of a scan without one, a mesh, ghosts."""
+
+
+def not_open(measurement: Measurement, names: Collection[str]) -> list[str]:
+    """The scans that points of a measurement were picked on and that are not open, by name.  names: of those that are."""
+    of = dict.fromkeys(point.scan for point in measurement.points)
+    return [name for name in of if name and name not in names and not _NO_NAME.fullmatch(name)]
+
+
+def names_of_scans(context: ToolContext) -> Callable[[], Collection[str]]:
+    """Gives the names of the scans that are open, collected where a measurement asks for them."""
+    return cache(lambda: {scan.name for scan in context.scene.meta.scans} if context.scene is not None else set())
+
+
 def measurement_group(tool: Tool, context: ToolContext) -> Group:
     """A click selects the tool, whose panel has every value; the menu looks at a measurement, copies its value, deletes it."""
-    found = context.document.measurements
+    found, names = context.document.measurements, names_of_scans(context)
+
+    def value_of(number: int) -> str:
+        return value_text(found[number], unit_of(context))
 
     def row(number: int) -> Row:
-        value = value_text(found[number], unit_of(context))
-        return Row(found[number].name, value, f"{found[number].name}: {value}")
+        gone = not_open(found[number], names())
+        value = f"{value_of(number)}{', its scan is not open' if gone else ''}"
+        return Row(found[number].name, value, "\n".join([f"{found[number].name}: {value}", *gone]))
 
     def rename(number: int, name: str) -> None:
         edit(context, "Rename measurement", ("rename", number),
@@ -38,7 +61,7 @@ def measurement_group(tool: Tool, context: ToolContext) -> Group:
     return Group("Measurements", icons.MEASURE, len(found), row, lambda number: setattr(tool, "wanted", True), rename=rename,
                  commands={
                      "Look at it": lambda number: look_at(context, number),
-                     "Copy its value": lambda number: context.clipboard.write(row(number).value),
+                     "Copy its value": lambda number: context.clipboard.write(value_of(number)),
                      "Delete": lambda number: edit(context, f"Delete {found[number].name}",
                                                    measurements=without(found, number)),
                  })  # fmt: skip
@@ -46,7 +69,7 @@ def measurement_group(tool: Tool, context: ToolContext) -> Group:
 
 def draw_list(ui: Any, context: ToolContext) -> None:
     """Every measurement in the panel: its name, its value and what is known about it."""
-    found, unit = context.document.measurements, unit_of(context)
+    found, unit, names = context.document.measurements, unit_of(context), names_of_scans(context)
     for number, item in enumerate(found):
         ui.push_id(number)
         ui.separator()
@@ -60,6 +83,8 @@ def draw_list(ui: Any, context: ToolContext) -> None:
         if ui.is_item_hovered():
             tooltip_beside(ui, "Delete this measurement")
         ui.text_wrapped(value_text(item, unit))
+        if gone := not_open(item, names()):
+            ui.text_wrapped(f"Its scan is not open: {', '.join(gone)}")
         for about in filter(None, (fit_text(item, unit), volume_text(item, unit), silhouette_text(item))):
             ui.text_wrapped(about)
         if item.profile is not None:
