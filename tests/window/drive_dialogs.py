@@ -105,11 +105,10 @@ def check_an_address_is_typed_and_is_a_recent_scan_that_opens(p: Person, folder:
             p.d.picture(f"refused {address[:3]}")
             p.key("Escape")
             p.d.settle()
-        p.d.picture("start page")
         p.click("Open an address…")
         p.listed()
         p.d.picture("dialog address")
-        p.type(f"{server.address}/far.ply?password=1&token=2")
+        p.type(f"{server.address}/far.ply?version=1&token=2")
         p.key("Return")
         p.opened("far.ply")
         p.d.rest()
@@ -118,7 +117,7 @@ def check_an_address_is_typed_and_is_a_recent_scan_that_opens(p: Person, folder:
         p.d.settle(4)
         p.d.picture("recent address")
         assert len(server.queries) == asked, "drawing the list asks no server"
-        assert recent_scans()[0].paths == (f"{server.address}/far.ply?password=1",)
+        assert recent_scans()[0].paths == (f"{server.address}/far.ply?version=1",)
         p.click("card")
         p.opened("far.ply")
 

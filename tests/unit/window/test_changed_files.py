@@ -11,11 +11,13 @@ from window_session import until_idle
 from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.window.interaction.measuring.listed_measurements import measurement_group
 from pointglass.viewer.window.interaction.registering.align_tool import Align
 from pointglass.viewer.window.interaction.tool import ToolContext
 from pointglass.viewer.window.session.session import Session
 from pointglass.viewer.window.shell.actions import WindowActions
 from pointglass.viewer.work.changed_files import with_files
+from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.scan_files import files_of
 
 
@@ -59,14 +61,19 @@ def test_files_come_and_go_while_work_and_camera_stay(window, tmp_path):
         return {grid.parent.name: grid.stat().st_mtime_ns for grid in cache.glob("*/points.npy")}
 
     first, camera = written(), np.array(session.camera.camera_to_world)
+    points = [MeasuredPoint((k, 0.0, 0.0), scan=name) for k, name in enumerate(("part0", "part1", "model tank", "scan 9"))]
+    session.work.edit("Measure", measurements=(Measurement("polyline", tuple(points), "wall"),))
     session.work.edit("Hide part1", hidden_stations=(1,))
     found = with_files(session.document, [window.paths[2], window.paths[0]])
     session.work.edit("Add 1 scan", scans=found.scans)
     window.turn()
     assert window.names() == ["part0.ply", "part1.ply", "part2.ply"]
     assert first.items() <= written().items() and len(written()) == 3
+    assert measurement_group(window.tool, window.context).row(0).value.endswith(" units")
     window.remove(0)
     assert window.names() == ["part1.ply", "part2.ply"]
+    row = measurement_group(window.tool, window.context).row(0)
+    assert row.value.endswith(" units, its scan is not open") and row.about.splitlines()[1:] == ["part0"]
     assert session.document.hidden_stations == (0,)  # part1 still
     assert [scan.count for scan in session.scene.meta.scans] == [5010, 5020]
     np.testing.assert_array_equal(session.camera.camera_to_world, camera)

@@ -128,6 +128,18 @@ def test_a_pasted_path_is_understood(folder):
     assert pasted("~") == "~"
 
 
+def test_an_address_is_chosen_as_it_is_where_scans_are_asked_for(folder):
+    for addresses in (True, False):
+        choice = made(folder, addresses=addresses)
+        choice.type("'https://there/deeper/scan 9?a=1'")
+        choice.complete()
+        assert len(names(choice)) == 4, "the folder stays listed"
+        choice.enter()
+        wait(choice)
+        assert choice.result == ([Path("https://there/deeper/scan 9?a=1")] if addresses else None)
+        assert addresses or "only scans are read from addresses" in choice.problem
+
+
 @pytest.mark.parametrize("kind", ("save", "open"))
 def test_home_and_dots_go_to_a_folder_and_name_no_file(folder, monkeypatch, kind):
     monkeypatch.setenv("HOME", str(folder / "deeper"))
