@@ -83,8 +83,8 @@ def draw_list(ui: Any, context: ToolContext) -> None:
         if ui.is_item_hovered():
             tooltip_beside(ui, "Delete this measurement")
         ui.text_wrapped(value_text(item, unit))
-        if gone := not_open(item, names()):
-            ui.text_wrapped(f"Its scan is not open: {', '.join(gone)}")
+        if others := not_open(item, names()):
+            ui.text_wrapped(f"Its scan is not open: {', '.join(others)}")
         for about in filter(None, (fit_text(item, unit), volume_text(item, unit), silhouette_text(item))):
             ui.text_wrapped(about)
         if item.profile is not None:
