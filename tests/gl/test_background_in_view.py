@@ -42,7 +42,7 @@ def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, sa
             frame = renderer.render(camera, settings, views=("filled", "neural"))
             sent = renderer._passes.neural.bridge.sent()
             looked.append((frame.image("filled").tobytes(), sent.tobytes()))
-        assert answers == [said]
+        assert answers and set(answers) == {said}  # once more where the filled picture is averaged differently
         assert looked[0] == looked[1]
     finally:
         renderer.release()

@@ -72,7 +72,7 @@ class Fill:
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only.
         with_depth: whether ``depth`` is written, too.
-        widened: of model.reference.fill_constants.widening."""
+        widened: of model.reference.fill_constants.Averaging.widening."""
         if network is None:
             noise = None
         feature_scale = 1.0 / (camera.fx * spacing)
