@@ -3,7 +3,8 @@
 A node is left out where the points of its parent lie at most FINEST_PX apart in all pictures (viewer.stream.nodes_in_view):
 each picture has at least two points a pixel where the scan has as many, and all points of the scan where its nodes are read
 down to the leaves.  Noise, spacing, exposures, missing colour and the size of cells are those of the points that are read, so
-that filled pictures are not equal to the byte.  The same cameras make the same scene, in each process.
+that filled pictures are not equal to the byte, and holes may be filled otherwise.  The same cameras make the same scene, in
+each process.
 
 Frame: file coordinates.
 """
