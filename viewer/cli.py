@@ -91,13 +91,14 @@ def _demo(options: argparse.Namespace) -> int:
 def _render(options: argparse.Namespace) -> int:
     from .commands.render_command import run
 
-    return run(options, settings_of(options), _end_of_start)
+    check_photographs(settings := settings_of(options))
+    return run(options, settings, _end_of_start)
 
 
 def _video(options: argparse.Namespace) -> int:
     from .commands.film.command import run
 
-    settings = settings_of(options)
+    check_photographs(settings := settings_of(options))
     check_weights(settings)
     return run(options, settings)
 
@@ -105,7 +106,7 @@ def _video(options: argparse.Namespace) -> int:
 def _publish(options: argparse.Namespace) -> int:
     from .commands.publishing.command import run
 
-    settings = settings_of(options)
+    check_photographs(settings := settings_of(options))
     check_weights(settings)
     return run(options, settings)
 

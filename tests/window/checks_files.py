@@ -42,6 +42,7 @@ def check_recording_writes_a_row_a_frame(d: Driver) -> None:
     rows = list(csv.DictReader(path.open()))
     views = [views for views, _ in itertools.groupby(row["views"] for row in rows)]  # one is made again where points arrive
     assert views[-3:] == ["raw", "filtered", "filled"], views
+    assert d.session.notices.saved[-2:] == [path.with_suffix(".png"), path]
     assert float(rows[-1]["fill_ms"]) > 0 and rows[0]["fill_ms"] == "" and int(rows[0]["points_drawn"]) > 0
     assert not list(d.folder.glob(".*partial"))
 

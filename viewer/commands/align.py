@@ -14,6 +14,7 @@ import numpy as np
 
 from ..common.errors import InputError
 from ..common.rigid_transform import IDENTITY, Rows, motion_text, moved_points
+from ..common.text import number_text
 from ..work.document import Document, ScanFile
 from ..work.project import SUFFIX, is_project, write_project
 from ..work.registration.align_surfaces import Alignment, align_surfaces
@@ -70,7 +71,7 @@ def report(found: Found, moving: "Source", fixed: "Source") -> str:
     unit = unit_text(moving)
     motion = motion_text(found.transform, found.middle)
     rows = [("moved", f"{moving.path.name} to its place beside {fixed.path.name}: {motion}")]
-    rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
+    rows += [("matrix" if number == 0 else "", " ".join(map(number_text, row)))
              for number, row in enumerate(found.transform)]
     if (pairs := found.pairs) is not None:
         rows.append(("pairs", pairs_text(pairs, unit)))

@@ -11,7 +11,7 @@ import numpy as np
 from ..common.errors import InputError
 from ..common.progress import progress
 from ..common.rigid_transform import combined, motion_text
-from ..common.text import counted
+from ..common.text import counted, number_text
 from ..readers.meshes.mesh_formats import is_mesh
 from ..readers.meshes.mesh_store import mesh_of
 from ..work.comparing.compared_model import placed_vertices
@@ -57,7 +57,7 @@ def align_model(path: Path, fixed: "Source", pairs: tuple[np.ndarray, np.ndarray
         rows += [("surfaces" if number == 0 else "", line) for number, line in enumerate(lines)]
     motion = motion_text(layer.transform, placed_vertices(layer, mesh).mean(axis=0))
     rows = [("moved", f"{path.name} to its place beside {fixed.path.name}: {motion}"), *rows]
-    rows += [("matrix" if number == 0 else "", " ".join(f"{value:.12g}" for value in row))
+    rows += [("matrix" if number == 0 else "", " ".join(map(number_text, row)))
              for number, row in enumerate(layer.matrix.tolist())]
     print("\n".join(f"{name:<8} {text}" for name, text in rows))
     if out is not None:

@@ -12,7 +12,7 @@ from ...model.appearance.noise import NoiseModel
 from ...model.common.printable import printable
 from ...model.common.scanner_positions import stations_differ
 from ..common.rigid_transform import motion_text
-from ..common.text import counted
+from ..common.text import counted, place_text
 from ..grid.cache import CacheError
 from ..grid.open_scene import open_scene
 from ..grid.scene import Scene
@@ -104,8 +104,8 @@ def format_text(scene: Scene, full: bool = False) -> str:
         ("file", ", ".join(map(shown_source, meta.sources)) or "-"),
         ("format", meta.format),
         ("points", f"{scene.count:,}"),
-        ("from", _vector(low)),
-        ("to", _vector(high)),
+        ("from", place_text(low)),
+        ("to", place_text(high)),
         ("size", " x ".join(f"{b - a:.4g}" for a, b in zip(low, high, strict=True)) + f" {unit}"),
         ("spacing", f"{scene.spacing:.3g} {unit}"),
         ("units", f"{meta.units} ({lengths}{', assigned in the project' if meta.assigned else ''})"),
@@ -120,7 +120,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
         removed = f"{1 - meta.passes.variance_left:.0%} of the variance between neighbours removed"
         rows.append(("passes", f"exposures of runs of points compensated, {removed} (--exposures as-scanned keeps them)"))
     for scan in meta.scans:
-        place = f"scanner at {_vector(scan.position)}" if scan.position else "no pose"
+        place = f"scanner at {place_text(scan.position)}" if scan.position else "no pose"
         how = ", inferred from the order of the points" if scan.inferred else ""
         rows.append(("scan", f"{scan.name}: {counted(scan.count, 'point')}, {place}{how}"))
     if photographs := pictures_in(meta.sources):
@@ -174,7 +174,3 @@ def _exposures(found: ExposureSummary) -> str:
         f"{found.matched} of {found.stations} stations compensated, gains {found.smallest_gain:.2f} to "
         f"{found.largest_gain:.2f} (--exposures as-scanned keeps them)"
     )
-
-
-def _vector(values) -> str:
-    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..common.text import printable
+from ..common.text import place_text, printable
 from ..readers.e57.e57_stated import stated_bounds
 from ..readers.las.las_source import LasSource
 from ..readers.remote.address import address_in
@@ -82,4 +82,4 @@ def stated_text(facts: dict[str, Any]) -> str:
 
 
 def _vector(values: Sequence[float] | None) -> str:
-    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")" if values else "known once it is opened"
+    return place_text(values) if values else "known once it is opened"

@@ -48,6 +48,17 @@ def coordinate(value: float) -> str:
     return f"{whole}.{decimals[:3]}{decimals[3:].rstrip('0')}"
 
 
+def number_text(value: float) -> str:
+    """A number with the digits that it is sure to have: 12, and from a million on the 15 of float64, so that coordinates of
+    1e9 keep their millimetres."""
+    return f"{value:.{15 if abs(value) >= 1e6 else 12}g}"
+
+
+def place_text(values: Iterable[float]) -> str:
+    """Coordinates: "(1000000000.002, 12.5, 3)"."""
+    return f"({', '.join(map(number_text, values))})"
+
+
 def plain(value: object) -> str:
     """A value from a file as a person reads it."""
     if isinstance(value, (list, tuple)):

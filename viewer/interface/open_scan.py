@@ -136,6 +136,10 @@ class Scan(BesideMeshes, ScanOutputs):
         if not cameras:
             return []
         with python_names(), self._turn():
+            if self._drawing is None:
+                from ..commands.photo_option import check_photographs
+
+                check_photographs(chosen)  # refused before the grid is made ready for pictures
             if view == "neural":
                 prepare_network()
             if isinstance(camera, Camera):

@@ -17,6 +17,7 @@ from .record_stream import SourceRecords
 
 FULL = 9
 """Decimals from which coordinates count as using all digits of their type."""
+CUT_COLOURS = "16-bit colours are cut to 8 bits, their lower 8 are all 0"
 _WIDE = 257
 """8-bit to 16-bit colour: 255 becomes 65535."""
 

@@ -230,12 +230,3 @@ def _shown_colours(scene: "Scene") -> np.ndarray:
         rows = slice(start, min(start + BLOCK, scene.count))
         found[scene.records.numbers(rows)] = colours(packed(scene, rows))
     return found
-
-
-def refuse_empty(scene: "Scene") -> InputError:
-    """The error where a selection leaves no point."""
-    low, high = ([f"{value:.3f}" for value in corner] for corner in scene.bounds)
-    return InputError(
-        "the clips and what is hidden leave no point; the scan lies between "
-        f"{','.join(low)} and {','.join(high)} (file coordinates)"
-    )

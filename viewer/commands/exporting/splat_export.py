@@ -15,6 +15,7 @@ import numpy as np
 from ... import __version__
 from ...common.errors import InputError
 from ...common.progress import progress
+from ...common.text import number_text
 from ...preprocess.scan_description import ScanDescription
 from ...readers.splats.splat_frame import OF_SPLATS
 from ...work.places.up_axis import upright_axes
@@ -121,7 +122,7 @@ def write_splats(path: Path, target: SplatTarget, selection: Selection, budget: 
     if target.name == "SPZ":
         moved = splats.origin.any() or factor != 1
         x, y, z = splats.origin.tolist()
-        place = f"the origin {x:.12g}, {y:.12g}, {z:.12g}, " if moved else ""
+        place = f"the origin {number_text(x)}, {number_text(y)}, {number_text(z)}, " if moved else ""
         losses.add(f"SPZ has no place for {place}the scan's axes, unit and reference system (they are in a comment that "
                    "pointglass reads and others skip) nor for the number of points of each splat (GLB and PLY have)")
     about: dict[str, Any] = {"crs": meta.crs or "unknown", "unit": meta.units,

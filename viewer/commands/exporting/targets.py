@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...common.errors import InputError
 from ...preprocess.scan_description import ScanDescription
+from ...work.selecting.empty_selection import empty_selection
 from ...work.selection import Selection
 from .columns import GridColumns, SourceColumns, Stream, Survey, survey
 from .crs_records import Reference, reference_of, without_sources
@@ -20,7 +21,7 @@ from .formats.las_writer import has_standard_time, write_las
 from .formats.ply_writer import write_ply
 from .left_behind import kept_records, name_left_behind
 from .losses import Losses
-from .record_stream import SourceRecords, refuse_empty, why_gone
+from .record_stream import SourceRecords, why_gone
 from .reproject import Reprojected
 from .target import Target
 from .whole_file import can_copy as can_copy_file
@@ -79,7 +80,7 @@ def write(
         for text in source.record_losses:
             losses.add(text)
     if count == 0:
-        raise refuse_empty(scene)
+        raise empty_selection(selection)
     return count
 
 
@@ -94,7 +95,7 @@ def _write_columns(
         stream.check(found, target)
         meta, reference = stream.meta, stream.reference
     if found.count == 0:
-        raise refuse_empty(selection.scene)
+        raise empty_selection(selection)
     target.write(Columns(path, stream, found, reference, losses, meta, sources, precision, all_columns, kept))
     return found.count
 

@@ -149,7 +149,7 @@ class Colours(Tool):
             context.session.work.history.end_gesture()
 
     def _points(self, ui: Any, context: ToolContext, look: Look) -> None:
-        off = context.session.view_settings.shown_settings.view not in POINT_VIEWS
+        off = not context.session.view_settings.shows_points
         ui.begin_disabled(off)
         ui.text_unformatted("point size")
         ui.set_next_item_width(-1)

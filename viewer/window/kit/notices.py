@@ -186,9 +186,13 @@ class Notices:
 
     def tell_saved(self, path: Path, text: str = "") -> None:
         """Says that a file was saved, and keeps it in the list of jobs.  text: what is said, where "Saved PATH" is not all."""
+        self.list_saved(path)
+        self.toast(text or f"Saved {path}")
+
+    def list_saved(self, path: Path) -> None:
+        """Keeps a saved file in the list of jobs."""
         self.forget_saved(path)
         self.saved = [*self.saved[1 - MOST_SAVED :], path]
-        self.toast(text or f"Saved {path}")
 
     def forget_saved(self, path: Path) -> None:
         """Takes a file off the list."""

@@ -19,6 +19,7 @@ from ..kit import icons, theme
 from ..kit.theme import Theme, fitted, packed, text_in
 from ..kit.widgets import begin_docked, facts, heading, hint, icon_button, link, section, small, to_the_right
 from ..session.panel_actions import Actions
+from ..session.scan_notice_actions import current_notices
 from ..session.session import Session
 from .job_list import draw_job_list
 from .status_bar import units_text
@@ -232,10 +233,10 @@ def _menu(group: Group, number: int, row: Row) -> None:
 
 
 def _notices(session: Session, actions: Actions, style: Theme) -> None:
-    if not session.notices.of_scan:
+    if not (notices := current_notices(session)):
         return
     heading(f"{icons.NOTICE}  Notices", style)
-    for number, notice in enumerate(session.notices.of_scan):
+    for number, notice in enumerate(notices):
         imgui.push_id(number)
         small(notice.text, style, theme.TEXT)
         if notice.offer is not None and link(notice.offer.label):

@@ -15,6 +15,7 @@ from ..kit.layout import Rect
 from ..kit.theme import Theme, packed
 from ..kit.widgets import DOCKED, hint, icon_button
 from ..session.panel_actions import Actions
+from ..session.scan_notice_actions import current_notices
 from ..session.session import Session
 
 _BUTTON, _LEAST_BUTTON, _GAP, _PAD, _AWAY = 32.0, 18.0, 4.0, 4.0, 10.0
@@ -42,7 +43,7 @@ def draw_tool_bar(session: Session, toolbox: Toolbox, actions: Actions, style: T
     if folded:
         if icon_button(f"{icons.OUTLINER}##outliner", "Show what is open and what was made of it", style, side=side):
             actions.fold("outliner", False)
-        if session.notices.of_scan:
+        if current_notices(session):
             corner = imgui.get_item_rect_max()
             dot = ImVec2(corner.x - px(5), imgui.get_item_rect_min().y + px(5))
             imgui.get_window_draw_list().add_circle_filled(dot, px(4), packed(theme.WARN), 16)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ...common.errors import InputError
 from ...common.paths import own_weights
 from ...picture.settings import Settings
-from ...picture.views import VIEWS
+from ...picture.views import POINT_VIEWS, VIEWS
 from ..kit.notices import Notices
 from ..kit.worker import Worker
 from .folder_photographs import PhotoFolder
@@ -72,6 +72,11 @@ class ViewSettings:
     def sides(self) -> tuple[str, ...]:
         """The view shown, or the two that are compared, left first."""
         return (self.left, self.settings.view) if self.split else (self.settings.view,)
+
+    @property
+    def shows_points(self) -> bool:
+        """Whether the view that was chosen, or one of the two that are compared, shows points alone."""
+        return self.shown_settings.view in POINT_VIEWS or (self.split and self.left in POINT_VIEWS)
 
     @property
     def networks(self) -> tuple[str, ...]:

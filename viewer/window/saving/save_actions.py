@@ -167,5 +167,6 @@ class SaveActions:
         except PointglassError as error:
             session.notices.say("The frame times were not saved", error)
             return None
-        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}")
+        session.notices.list_saved(path.with_suffix(".png"))
+        session.notices.tell_saved(path, f"Saved {counted(len(times), 'frame')} to {path}")
         return path

@@ -1,14 +1,22 @@
-"""What the notices about a scan offer: colours as scanned, all points, a brighter picture, another up axis."""
+"""The notices about a scan that are shown, and what they offer: colours as scanned, all points, a brighter picture, another up
+axis."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...picture.edits import UP_AXES
 from ...work.project import moves_of
-from ..kit.notices import Brighten, CallUp, KeepAsScanned, LoadAllPoints, Offer, OpenProject
+from ..kit.notices import Brighten, CallUp, KeepAsScanned, LoadAllPoints, Offer, OpenProject, ScanNotice
 
 if TYPE_CHECKING:
     from .session import Session
+
+
+def current_notices(session: "Session") -> list[ScanNotice]:
+    """The notices about the scan shown, without that of a dark scan while its exposure is raised as far as it offers."""
+    offered = session.shown_scan.exposure
+    brightened = offered is not None and session.document.look.exposure >= offered
+    return [notice for notice in session.notices.of_scan if not (brightened and isinstance(notice.offer, Brighten))]
 
 
 def act_on_notice(session: "Session", offer: Offer) -> None:

@@ -3,6 +3,7 @@
 A dimension is a DIMENSION, which CAD programs measure, edit and move, with ticks for arrows; its text stands over its line.
 """
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,19 @@ def add_styles(drawing: "Drawing", height: float) -> None:
              "dimexo": _BESIDE * height, "dimexe": _BESIDE * height, "dimdsep": ord("."), "dimzin": 0, "dimlfac": 1.0,
              "dimscale": 1.0, "dimtofl": 1}  # fmt: skip
     drawing.dimstyles.add(STYLE, dxfattribs=looks)
+
+
+def save_drawing(drawing: "Drawing", path: Path) -> None:
+    """Writes a drawing to an open path, with its extents, which CAD programs show first.  Raises OSError."""
+    from ezdxf import bbox
+
+    space = drawing.modelspace()
+    extents = bbox.extents(space, fast=True)
+    if extents.has_data:
+        space.reset_extents(extents.extmin, extents.extmax)
+        width, height, _ = extents.size
+        drawing.set_modelspace_vport(max(height, width / 2, 1e-3), extents.center.vec2)
+    drawing.saveas(path)
 
 
 def add_dimension(space: "Modelspace", ends: np.ndarray, offset: float, text: str, digits: int, layer: str,

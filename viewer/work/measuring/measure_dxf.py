@@ -12,7 +12,7 @@ import numpy as np
 
 from ...common.text import printable
 from ..dimensioning.dimensions import OFFSET, dimension_text, measured_line
-from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles
+from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles, save_drawing
 from .measure_shapes import Shapes, shapes_of
 from .measure_text import decimals_of, unit_name, value_text
 from .measurement import KINDS, Measurement
@@ -51,7 +51,7 @@ def write_dxf(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
             space.add_text(told, height=height, dxfattribs={"layer": layer, "style": STYLE}).set_placement(shapes.label)
     if "CENTER" not in drawing.linetypes:
         drawing.linetypes.add("CENTER", [2.0, 1.25, -0.25, 0.25, -0.25], description="Center ____ _ ____")
-    drawing.saveas(path)
+    save_drawing(drawing, path)
 
 
 def _dimensioned(space: "Modelspace", measurement: Measurement, shapes: Shapes, unit: str, height: float, layer: str) -> bool:

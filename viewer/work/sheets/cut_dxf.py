@@ -12,7 +12,7 @@ import numpy as np
 
 from ...common.text import printable
 from ..dimensioning.dimensions import CutDimensions, laid_apart
-from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles
+from ..dimensioning.dxf_texts import STYLE, add_dimension, add_styles, save_drawing
 from ..measuring.measure_dxf import INSUNITS
 from ..measuring.measure_text import unit_name
 from .cut_lines import Polyline, Trace
@@ -87,7 +87,7 @@ def write_cut_dxf(path: Path, trace: Trace, low: np.ndarray, high: np.ndarray, s
         _text(space, grid_text(y, step), (left - 2.0 * size, y - size), size, rotation=90.0)
     for row, text in enumerate(texts):
         _text(space, printable(text), (left, bottom - (6.0 + 2.0 * row) * size), size)
-    drawing.saveas(path)
+    save_drawing(drawing, path)
 
 
 def model_layer(name: str, number: int) -> str:

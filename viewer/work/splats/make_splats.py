@@ -11,6 +11,7 @@ import numpy as np
 from ...common.errors import InputError
 from ...common.progress import progress
 from ..comparing.cloud_scale import scale_of
+from ..selecting.empty_selection import empty_selection
 from ..selection import Selection
 from .splat_budget import NEAR, centres_of, choose, distances, errors_of
 from .splat_cells import Level, levels_of
@@ -65,9 +66,7 @@ def gather(selection: Selection, most: int = MOST_POINTS) -> Gathered:
                 stands[number] = stands[number][keep]
             held = sum(len(rank) for rank in ranks)
     if not held:
-        low, high = ([f"{value:.3f}" for value in corner] for corner in selection.scene.bounds)
-        raise InputError("the clips and what is hidden leave no point; the scan lies between "
-                         f"{','.join(low)} and {','.join(high)} (file coordinates)")
+        raise empty_selection(selection)
     return Gathered(np.concatenate(places), np.concatenate(tints), np.concatenate(stands), share)
 
 

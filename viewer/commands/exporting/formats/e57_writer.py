@@ -13,7 +13,7 @@ import numpy as np
 from ....readers.e57.e57_nodes import library
 from ....readers.e57.e57_records import RawField, buffers_of
 from ....readers.source import ScanInfo
-from ..columns import Column, Piece, Stream, Survey
+from ..columns import CUT_COLOURS, Column, Piece, Stream, Survey
 from ..crs_records import Reference
 from ..losses import Losses
 from .e57_file import EXTENSION, header, new_file, new_guid, writer_of
@@ -81,7 +81,11 @@ class _Fields:
         self._columns: dict[str, tuple[str, int | None]] = {}
         if (intensity := found.columns.get("intensity")) is not None:
             self._add("intensity", "intensity", intensity, None)
-        self.wide = 16 in found.depth.values()
+        self.wide = 16 in found.depth.values() and not found.exact8
+        if self.wide:
+            losses.add("colours have 16 bits, which programs that expect 8, such as pye57, refuse")
+        elif found.shifted:
+            losses.add(CUT_COLOURS)
         if found.coloured:
             self._nodes |= dict.fromkeys(_COLOURS, ("integer", 0, 65535 if self.wide else 255))
         for name, column in found.columns.items():
@@ -90,6 +94,9 @@ class _Fields:
                 while made in self._nodes:
                     made += "_"
                 self._add(made, name, column, None if column.width == 1 else element)
+        if any(name.startswith(f"{EXTENSION[0]}:") for name in self._nodes):
+            losses.add(f"columns without a field in E57 are in an extension, {EXTENSION[0]}:NAME, which pye57 reads only with "
+                       "ignore_unsupported_fields=True")
         self.fields = [RawField(name, kind[1] if kind[0] == "float" else np.dtype(np.longlong), double)
                        for name, kind in self._nodes.items()]  # fmt: skip
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..columns import Column, Piece, Stream, Survey
+from ..columns import CUT_COLOURS, Column, Piece, Stream, Survey
 from ..crs_records import Reference
 from ..losses import Losses
 
@@ -38,7 +38,7 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
     if not all_columns:
         _name_losses(found, own, losses)
     if found.exact8 and found.shifted:
-        losses.add("16-bit colours are cut to 8 bits, their lower 8 are all 0")
+        losses.add(CUT_COLOURS)
     if not found.coloured:
         losses.add("there are no colours in the file: red, green and blue are 0")
     colour = "<u2" if wide else "u1"
