@@ -1,8 +1,10 @@
 """Checks of the layout: panels fold, the picture has the space they leave, the view switch tells what is drawn, status bar."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from driver import SIZE, Driver
 from items import Items
 
@@ -72,6 +74,29 @@ def check_a_tool_of_the_icon_bar_opens_the_folded_panel_with_its_controls(d: Dri
     d.key("ESCAPE")
     d.resize(1200, 500)
     assert panels.outliner and panels.inspector
+
+
+def check_the_notice_about_a_dark_scan_goes_once_it_is_brightened_and_comes_back_with_undo(d: Driver) -> None:
+    from pointglass.viewer.window.flight.start_viewpoint import darkness
+    from pointglass.viewer.window.session.scan_notice_actions import current_notices
+
+    d.resize(1200, 500)
+    session, items = d.session, Items(d)
+    seen = session.shown_scan._seen
+    assert seen is not None
+    session.shown_scan._seen = dark = replace(seen, brightness=0.1)
+    notice = darkness(dark)
+    assert notice is not None
+    session.notices.of_scan = [notice]
+    items.click("Brighten")
+    d.settle()
+    assert session.document.look.exposure == session.shown_scan.exposure and current_notices(session) == []
+    with pytest.raises(AssertionError, match="no item 'Brighten'"):
+        items.find("Brighten")
+    session.work.undo()
+    items.find("Brighten")
+    session.shown_scan._seen, session.notices.of_scan = seen, []
+    d.rest()
 
 
 def check_the_icon_bar_looks_from_a_side(d: Driver) -> None:

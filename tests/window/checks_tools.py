@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from driver import SIZE, Driver, middle
+from items import Items
 
 ROOM = np.array([8.0, 6.0, 3.0])
 
@@ -179,6 +180,27 @@ def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
     chord(d, "Z")
     assert session.document.look == Look() and not np.array_equal(shown(d), coloured)
     d.key("3")
+    d.rest()
+
+
+def check_point_size_and_lighting_are_set_for_the_side_of_points_in_a_comparison(d: Driver) -> None:
+    session, tools = d.session, d.app.tools
+    d.key("3")
+    d.key("V")
+    before, middle = shown(d), SIZE[0] // 2
+    d.app.toolbox.select("colours", tools)
+    session.area.panels.inspector = True
+    d.settle()
+    Items(d).click("##point size")
+    assert session.document.look.point_size > 1, "it is enabled"
+    session.area.panels.inspector = False
+    d.app.toolbox.select(d.app.toolbox.fly.name, tools)
+    after = shown(d)
+    assert not np.array_equal(before[:, : middle - 8], after[:, : middle - 8])
+    assert np.array_equal(before[:, middle + 8 :], after[:, middle + 8 :])
+    chord(d, "Z")
+    assert session.document.look.point_size == 1
+    d.key("V")
     d.rest()
 
 

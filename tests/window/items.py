@@ -9,7 +9,7 @@ class Items:
 
     KINDS = ("button", "begin_combo", "selectable", "input_text", "slider_float", "checkbox", "radio_button", "small_button",
              "invisible_button", "drag_float", "input_double", "input_int",
-             "collapsing_header")
+             "slider_int", "collapsing_header")
 
     def __init__(self, d: Driver):
         self._driver = d

@@ -15,3 +15,11 @@ def test_a_scan_whose_name_has_newlines_and_tabs_has_one_line(seed):
     assert [line for line in lines if line.startswith("scan ")] == [
         "scan     hall warning all is well: 50 points, no pose", r"scan     two\x1b[2J: 50 points, no pose"]
     assert not any(line.startswith("warning  all") for line in lines) and all(line.isprintable() for line in lines)
+
+
+def test_coordinates_of_a_thousand_million_keep_their_millimetres():
+    xyz = 1e9 + np.arange(30).reshape(-1, 3) * 0.001
+    scene = scene_from_arrays(xyz, np.zeros((10, 3), np.uint8))
+    lines = format_text(scene).split("\n")
+    assert "from     (1000000000, 1000000000.001, 1000000000.002)" in lines
+    assert "to       (1000000000.027, 1000000000.028, 1000000000.029)" in lines

@@ -46,6 +46,11 @@ def test_a_dxf_has_the_walls_in_the_coordinates_of_the_file(room, tmp_path, caps
     assert "traced" in capsys.readouterr().out
     drawing = ezdxf.readfile(out)  # type: ignore[reportPrivateImportUsage]
     assert not drawing.audit().has_errors
+    low, high = np.array(drawing.header["$EXTMIN"])[:2], np.array(drawing.header["$EXTMAX"])[:2]
+    (edge,) = drawing.modelspace().query('LWPOLYLINE[layer=="POINTGLASS FRAME"]')
+    frame = np.array([point[:2] for point in edge.get_points()])
+    assert (low <= frame.min(axis=0)).all() and (high >= frame.max(axis=0)).all()
+    assert (high - low < 2 * np.ptp(frame, axis=0)).all()
     (line,) = drawing.modelspace().query('LWPOLYLINE[layer=="POINTGLASS CUT"]')
     corners = np.array([point[:2] for point in line.get_points()])
     wanted = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * SIDES + AT

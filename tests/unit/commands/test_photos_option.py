@@ -7,6 +7,7 @@ import pytest
 from e57_photo_files import AWAY, hit, paint, panorama, pinhole, room_points, turn, write_photos
 from PIL import Image
 
+import pointglass
 from pointglass.viewer.cli import main
 
 EYE, YAW, SIZE, FOCAL = np.array([-0.3, 0.2, 0.1]), 0.5, (160, 120), 110.0
@@ -100,3 +101,23 @@ def test_a_folder_with_cameras_gives_the_photographs(scans, tmp_path, capsys):
     assert main(["render", str(scans[1]), "--cameras", str(tmp_path / "transforms.json"), "--out", str(tmp_path / "no"),
                  "--photos", str(tmp_path / "nowhere")]) == 2  # fmt: skip
     assert "--photos" in (said := capsys.readouterr().err) and "nowhere" in said and not (tmp_path / "no").exists()
+
+
+@pytest.mark.parametrize("command", ["render", "video", "publish"])
+def test_a_bad_folder_is_refused_before_the_scan_is_opened(tmp_path, capsys, command):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "broken.las").write_bytes(b"no scan")  # opening it would be another error
+    path = str(cameras(tmp_path / "transforms.json"))
+    place = {"render": ["--cameras", path], "video": ["--path", path], "publish": []}[command]
+    for folder, said in (("nix", "no such folder"), ("empty", "holds no photographs")):
+        for workers in ([], ["--workers", "2"]):
+            given = [command, str(tmp_path / "broken.las"), *place, "--photos", str(tmp_path / folder), "--view", "filled"]
+            assert main([*given, "--out", str(tmp_path / "out"), *workers]) == 2
+            assert said in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_python_refuses_a_bad_folder_before_the_first_picture_is_prepared(tmp_path):
+    scan = pointglass.from_points(*room_points(500))
+    with pytest.raises(pointglass.InputError, match="no such folder"):
+        scan.render(pointglass.look_at(AWAY, AWAY + (1, 0, 0), size=(64, 48)), view="filled", photos=str(tmp_path / "nix"))
+    assert scan._drawing is None

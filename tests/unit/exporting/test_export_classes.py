@@ -148,3 +148,20 @@ def test_python_exports_classes(tmp_path, seed):
             scan.export(tmp_path / "no.las", classes=["ground"])
     assert count == np.isin(classes, (2, 6, 9)).sum()
     assert raw(tmp_path / "out.las").tobytes() == raw(path)[np.isin(classes, (2, 6, 9))].tobytes()
+
+
+def test_a_class_that_no_point_has_is_named_with_those_that_there_are(tmp_path, capsys):
+    las = laspy.create(point_format=6, file_version="1.4")
+    las.xyz = np.random.default_rng(5).random((100, 3))
+    las.classification = np.repeat([2, 6], 50)
+    las.write(tmp_path / "a.las")
+    for ending, asked, said in ((".las", "77", "no point has class 77; give some of those that there are: 2, 6"),
+                                (".spz", "7,77", "no point has class 7 or 77"),
+                                (".e57", "6,77", None)):
+        out = tmp_path / f"b{ending}"
+        code = main(["export", str(tmp_path / "a.las"), "--class", asked, "--out", str(out), "--no-cache"])
+        assert (code, out.exists()) == ((2, False) if said else (0, True))
+        assert (said or "50 points in") in "".join(capsys.readouterr())
+    clip = ["--class", "2", "--clip", "5,5,5,6,6,6"]
+    assert main(["export", str(tmp_path / "a.las"), *clip, "--out", str(tmp_path / "c.las"), "--no-cache"]) == 2
+    assert "leave no point of class 2" in capsys.readouterr().err

@@ -1,5 +1,8 @@
 """E57 to E57: every node and record, read back with libe57 alone."""
 
+import laspy
+import numpy as np
+import pye57
 import pytest
 from e57_files import contents, random_e57
 from examples import examples
@@ -38,3 +41,23 @@ def test_scans_and_photographs_of_several_files_follow_each_other(tmp_path):
                 assert both["/".join(["/data3D", str(int(number) + first), *([rest] if rest else [])])] == value
     blobs = [[value for key, value in found.items() if key.endswith("/jpegImage")] for found in (a, b, both)]
     assert blobs[0] + blobs[1] == blobs[2] and both["/coordinateMetadata"] == a["/coordinateMetadata"]
+
+
+@pytest.mark.parametrize(("stored", "told"), [(257, ""), (256, "cut to 8 bits"), (1, "colours have 16 bits")])
+def test_colours_of_16_bits_that_hold_8_are_written_as_8_which_pye57_reads(tmp_path, capsys, stored, told):
+    rng = np.random.default_rng(stored)
+    las = laspy.create(point_format=7, file_version="1.4")
+    las.xyz = rng.random((300, 3)) * 10
+    levels = rng.integers(0, 256 if stored > 1 else 65536, (3, 300))
+    las.red, las.green, las.blue = levels * stored
+    las.write(tmp_path / "a.las")
+    export(tmp_path / "a.las", "--out", tmp_path / "b.e57")
+    said = capsys.readouterr().err
+    assert ("16 bits" in said or "16-bit" in said) == bool(told) and told in said and "ignore_unsupported_fields" in said
+    if not stored > 1:
+        return
+    scan = pye57.E57(str(tmp_path / "b.e57")).read_scan_raw(0, ignore_unsupported_fields=True)
+    assert np.array_equal([scan["colorRed"], scan["colorGreen"], scan["colorBlue"]], levels)
+    export(tmp_path / "b.e57", "--out", tmp_path / "c.las")
+    back = laspy.read(tmp_path / "c.las")
+    assert np.array_equal([back.red, back.green, back.blue], levels * 257)  # equal to those of the file where it has 257

@@ -41,6 +41,10 @@ def test_a_drawing_is_read_without_errors_and_holds_each_kind_on_its_layer(tmp_p
     drawing = ezdxf.readfile(path)  # type: ignore[reportPrivateImportUsage]
     assert not drawing.audit().errors and drawing.units == 2
     space = drawing.modelspace()
+    low, high = np.array(drawing.header["$EXTMIN"]), np.array(drawing.header["$EXTMAX"])
+    places = np.array([point.position for made in one_of_each.values() for point in made.points])
+    assert (low <= places.min(axis=0) + 1e-6).all() and (high >= places.max(axis=0) - 1e-6).all()
+    assert (high - low < 10 * np.ptp(places, axis=0).max()).all()
     for kind, made in one_of_each.items():
         found: list[Any] = [entity for entity in space if entity.dxf.layer == f"POINTGLASS {KINDS[kind].name.upper()}"]
         (text,) = [entity.dxf.text for entity in found if entity.dxftype() in ("TEXT", "DIMENSION")]
