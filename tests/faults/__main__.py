@@ -17,7 +17,7 @@ from .product import make_product
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--times", type=int, default=200, help="interrupts of each command; a tenth of it for other faults")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", nargs="+", choices=[*KINDS, *{kind.partition("/")[0] for kind in KINDS}], metavar="KIND",

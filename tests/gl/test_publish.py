@@ -214,7 +214,7 @@ def test_a_replacement_that_is_killed_or_stopped_leaves_the_publication_as_it_is
     out, coming = tmp_path / "site", tmp_path / "site" / "coming" / "places"
     shutil.copytree(shown, out)
     earlier, rng = content(shown), np.random.default_rng(seed)
-    other = room(tmp_path / "other.laz", 6, 200_000)
+    other = room(tmp_path / "other.laz", 6, 50_000)
     stands = EYE + OFFSET + np.array([[x, y, 0] for x in (-1.0, 0, 1) for y in (-0.8, 0.8)])
     write_transforms(tmp_path / "six.json", [from_fov(64, 48, 50.0, look_at(at, at + (1, 0, 0)), f"{n}")
                                               for n, at in enumerate(stands)])

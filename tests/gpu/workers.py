@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from plan import SMALL, Plan
 
@@ -309,8 +310,9 @@ def agreement(plan: Plan, work: Path) -> dict:
         "keep-mask, compute and float64": float((made["compute"][2] != mask).mean()),
         "filled by more than 2 levels, compute and float64": float((levels > 2).mean()),
     }
+    compute: Any = renderer._passes.rasterisers["compute"]
     facts = {"shares": shares, "tolerance": DIFFERING_PIXELS, "following": following, "following_tolerance": FOLLOWING_PIXELS,
-             "opengl": renderer.device.renderer, "wide_sums": renderer._passes.rasterisers["compute"].wide_sums}
+             "opengl": renderer.device.renderer, "wide_sums": compute.wide_sums}
     renderer.release()
     context.release()
     return facts

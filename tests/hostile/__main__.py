@@ -19,7 +19,7 @@ from .seeds import FORMATS, KEPT
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.hostile", description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m tests.hostile", description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--minutes", type=float, default=1.0, help="how long; 0: until --mutants")
     parser.add_argument("--mutants", type=int, default=None, help="how many of each format at most")
     parser.add_argument("--seed", type=int, default=1)

@@ -8,6 +8,7 @@ import tempfile
 import zlib
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -143,10 +144,12 @@ def meshes() -> list[Seed]:
     """A sheet with a picture as glTF in both forms and as OBJ, and a box as STL, in bytes and as text, and as PLY."""
     import io
 
-    import trimesh
+    import trimesh.creation
+    import trimesh.visual
     from PIL import Image
+    from untyped import any_typed
 
-    def sheet(**more):
+    def sheet(**more) -> Any:
         made = trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 1, 1)], [(0, 1, 2), (0, 2, 3)], process=False)
         material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.new("RGB", (4, 4), (200, 30, 10)), **more)
         made.visual = trimesh.visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material)
@@ -156,7 +159,7 @@ def meshes() -> list[Seed]:
     Image.new("RGB", (4, 4), (200, 30, 10)).save(picture, "PNG")
     obj = (b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 1 1 1 0 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
            b"o other\nf 1 3 4\n")
-    box = trimesh.creation.box()
+    box = any_typed(trimesh.creation.box())
     box.visual.vertex_colors = np.arange(32).reshape(8, 4) * 8
     return [
         Seed("mesh", "glb", "mesh", {"a.glb": sheet().export(file_type="glb")}, "a.glb"),

@@ -33,7 +33,7 @@ def _las14(path: Path) -> None:
 
     header = laspy.LasHeader(point_format=7, version="1.4")
     header.scales, header.offsets = np.full(3, 1 / 4096), np.zeros(3)
-    header.add_extra_dim(laspy.ExtraBytesParams("reflectance", np.float32))
+    header.add_extra_dim(laspy.ExtraBytesParams("reflectance", np.dtype("f4")))
     header.add_extra_dim(laspy.ExtraBytesParams("ring", np.uint8, scales=np.array([0.5]), offsets=np.array([1.0])))
     header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298.25]]]\0'))
     header.vlrs.append(
@@ -45,7 +45,9 @@ def _las14(path: Path) -> None:
     las.red, las.green, las.blue = rgb.astype(np.uint16).T * 257
     las.reflectance, las.ring = np.linspace(0, 1, POINTS), np.arange(POINTS) / 2 + 1
     las.gps_time, las.point_source_id = np.arange(POINTS), np.arange(POINTS) // 20
-    las.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("someone", 7, "more", bytes(30)), laspy.VLR("someone", 8, "", b"x")])
+    from laspy.vlrs.vlrlist import VLRList
+
+    las.evlrs = VLRList([laspy.VLR("someone", 7, "more", bytes(30)), laspy.VLR("someone", 8, "", b"x")])
     las.write(str(path))
     _dated(path)
 
@@ -55,7 +57,7 @@ def _copc(path: Path) -> None:
     import io
 
     import laspy
-    import lazrs
+    from untyped import lazrs
 
     count, sizes = 60, (10, 30, 20)
     header = laspy.LasHeader(point_format=7, version="1.4")

@@ -55,15 +55,16 @@ def _made(form: str | tuple[str, ...]) -> tuple[Seed, ...]:
                 make(folder / name)
                 found.append(Seed(form, name, "scan", files_of(folder / name), ""))
             return tuple(found)
+        if form == _GROUPS[0]:
+            return tuple(cameras(folder).values())
+        if form == _GROUPS[1]:
+            return tuple(window_files())
+        assert isinstance(form, str), form
         if form == "text":
             return tuple(Seed(form, name, "scan", {name: data}, name) for name, data in texts().items())
         if form == "grid":
             grid(folder)
             return (Seed(form, "grid", "grid", files_of(folder / "grid"), ""),)
-        if form == _GROUPS[0]:
-            return tuple(cameras(folder).values())
-        if form == _GROUPS[1]:
-            return tuple(window_files())
         if form == "mesh":
             return tuple(meshes())
         if form == "weights":

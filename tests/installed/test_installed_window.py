@@ -45,7 +45,7 @@ def test_the_command_opens_the_demo_in_a_window(installed, tmp_path):
         process = subprocess.Popen([installed.command, "demo"], cwd=installed.work, text=True, stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, env=environment(installed, display, tmp_path))
         try:
-            end, colours = time.monotonic() + 120, 0
+            end, colours, shown = time.monotonic() + 120, 0, np.zeros((1, 1, 3), np.uint8)
             while colours < 2_000:  # of the start of the window there are a few dozen
                 assert process.poll() is None and time.monotonic() < end, process.communicate() if process.poll() else colours
                 time.sleep(0.5)

@@ -6,6 +6,7 @@ Copied to that folder beside driver.py.  ``python window_script.py FOLDER`` leav
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from driver import Driver
@@ -16,7 +17,7 @@ def main(folder: Path) -> None:
     from pointglass.viewer.window.planning.networks import missing_qualities
 
     driver = Driver(folder, on_screen=True)
-    session = driver.session
+    session: Any = driver.session
     driver.drop(pointglass.demo_scan())
     driver.until(lambda: session.loads.current is None and session.scene is not None, 90)
     driver.rest()

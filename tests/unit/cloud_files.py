@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pointglass.viewer.readers.e57.e57_nodes import library
+
 SCANS = Path(__file__).resolve().parents[3] / "shared" / "data" / "scans"
 """Real scans, present on some machines only; tests that use them skip elsewhere."""
 
@@ -85,7 +87,7 @@ def write_ply(
             data += b"".join(bytes([row[0]]) + np.array(row[1:], code + "i4").tobytes() for row in face_rows)
         else:
             table = np.empty(len(xyz), [(f"{j} {name}", code + kinds[type_name]) for j, (name, type_name) in enumerate(fields)])
-            for column, value in zip(table.dtype.names, values, strict=True):
+            for column, value in zip(table.dtype.names or (), values, strict=True):
                 table[column] = value
             rows, knots = table.tobytes(), table.dtype[0].itemsize  # where the list begins, in the middle of a row
             if vertex_list:
@@ -121,7 +123,7 @@ class E57Scan:
 
 def write_e57(path: Path, scans: list[E57Scan]) -> Path:
     """Every combination the standard allows and pye57's own writer does not."""
-    from pye57 import libe57 as e
+    e = library()
 
     file = e.ImageFile(str(path), "w")
     root = file.root()

@@ -13,7 +13,7 @@ _LEAF = 3000
 def write_copc(path: Path, xyz: np.ndarray, rgb: np.ndarray, *, leaf: int = _LEAF) -> Path:
     """xyz: (n, 3) float64, stored in millimetres.  rgb: (n, 3) uint16."""
     import laspy
-    import lazrs
+    from untyped import lazrs
 
     low, side = xyz.min(axis=0), float(np.ptp(xyz, axis=0).max()) * (1 + 1e-9) + 0.001
     header = laspy.LasHeader(point_format=7, version="1.4")

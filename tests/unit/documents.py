@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from untyped import any_typed
 
 from pointglass.viewer.common.rigid_transform import Rows, rigid, rotation_about
 from pointglass.viewer.picture.camera import look_at
@@ -22,7 +23,7 @@ from pointglass.viewer.work.viewpoint import Viewpoint
 def random_view(random, name: str) -> Viewpoint:
     place = random.uniform(-1e6, 1e6, 3)
     matrix = look_at(place, place + random.normal(size=3))
-    return Viewpoint(name, tuple(tuple(map(float, row)) for row in matrix), float(random.uniform(5, 120)))
+    return Viewpoint(name, any_typed(tuple(tuple(map(float, row)) for row in matrix)), float(random.uniform(5, 120)))
 
 
 def random_fit(random, kind: str) -> Fit:
@@ -37,7 +38,7 @@ def random_fit(random, kind: str) -> Fit:
 def random_fits(random, kind: str) -> list[Fit | None]:
     """What is fitted at the points of a measurement of a kind of KINDS, None where nothing is."""
     surfaces = [KINDS[kind].surface(number) for number in range(KINDS[kind].fewest)]
-    found = [None if surface is None else random_fit(random, surface) for surface in surfaces]
+    found: list[Fit | None] = [None if surface is None else random_fit(random, surface) for surface in surfaces]
     if kind == "corner":  # three planes that meet in a place
         axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
         found = [replace(fit, direction=vector(axis)) for fit, axis in zip(found, axes, strict=True) if fit is not None]
@@ -48,8 +49,9 @@ def random_volume(random, kind: str) -> Volume | None:
     """What a measurement of a kind of KINDS has found inside its polygon."""
     if kind != "volume":
         return None
-    return Volume(*map(float, random.random(5)), vector(random.uniform(-1e6, 1e6, 3)), vector(random.normal(size=3)),
-                  *map(float, random.random(4)), int(random.integers(30, 10_000)))
+    values = (*random.random(5).tolist(), vector(random.uniform(-1e6, 1e6, 3)), vector(random.normal(size=3)),
+              *random.random(4).tolist(), int(random.integers(30, 10_000)))
+    return Volume(*any_typed(values))
 
 
 def random_profile(random, kind: str) -> Profile | None:
@@ -88,7 +90,7 @@ def random_document(random, scans: list[str]) -> Document:
                                 profile=random_profile(random, kind))
                     for i, kind in enumerate(random.choice(kinds, 4))]
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
-    rows = tuple(vector(row) for row in axes)
+    rows = vector(axes[0]), vector(axes[1]), vector(axes[2])
     return Document(
         scans=tuple(ScanFile(path, bool(random.random() < 0.5), 0.3048, "EPSG:25832", random_motion(random)) for path in scans),
         hidden_stations=tuple(map(int, random.integers(0, 256, 3))),

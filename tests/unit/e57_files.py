@@ -1,7 +1,10 @@
 """Random E57 files that use what the format has: field types and limits, poses, groups, photographs, extensions."""
 
 import numpy as np
-from pye57 import libe57 as e57
+
+from pointglass.viewer.readers.e57.e57_nodes import library
+
+e57 = library()
 
 SENSOR = {"sensorVendor": "maker", "sensorModel": "Scanner Ü", "sensorSerialNumber": "00123", "description": "a room"}
 NORMALS = ("nor", "http://www.libe57.org/E57_NOR_surface_normals.txt")
@@ -135,7 +138,7 @@ def random_e57(path, seed, *, scans=None, photographs=True):
                                           "translation": dict(zip("xyz", place, strict=True))}))  # fmt: skip
         fields = random_fields(image, rng, count)
         points = writer.vector(scan, "points", fields)
-        groups = None
+        grouped = groups = None
         if rng.random() < 0.5:
             groups = {"idElementValue": (e57.IntegerNode(image, 0, 0, 50), np.arange(10).astype(np.longlong)),
                       "startPointIndex": (e57.IntegerNode(image, 0, 0, 10**6), (np.arange(10) * 2).astype(np.longlong)),

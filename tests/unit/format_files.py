@@ -62,7 +62,7 @@ def write_pcd(path: Path, points: Points, data: str, *, packed: str | None = "F"
     arrays = [np.zeros((n, f[2]), f[1]) if f[3] is None else np.asarray(f[3]).reshape(n, f[2]) for f in fields]
     if data == "ascii":
         def shown(value):
-            return f"{value:.9g}" if isinstance(value, np.float32) else repr(value.item())
+            return f"{value:.9g}" if value.dtype == np.float32 else repr(value.item())
         body = "".join(" ".join(shown(v) for a in arrays for v in a[row]) + "\n" for row in range(n)).encode()
     elif data == "binary":
         body = b"".join(a[row].astype(a.dtype.newbyteorder("<")).tobytes() for row in range(n) for a in arrays)
@@ -171,11 +171,11 @@ def _write_hrc(folder: Path, nodes: dict[str, np.ndarray], step: int) -> None:
 
 def _spread(values: np.ndarray) -> np.ndarray:
     """(n,) bits 0 to 15 of values, moved to bits 0, 3, ..., 45, bit by bit."""
-    return sum(((values.astype(np.uint64) >> np.uint64(k)) & np.uint64(1)) << np.uint64(3 * k) for k in range(16))
+    return np.sum([((values.astype(np.uint64) >> np.uint64(k)) & np.uint64(1)) << np.uint64(3 * k) for k in range(16)], axis=0)
 
 
 def _morton(values: np.ndarray) -> np.ndarray:
-    return sum(_spread(values[:, axis]) << np.uint64(axis) for axis in range(3))
+    return np.sum([_spread(values[:, axis]) << np.uint64(axis) for axis in range(3)], axis=0)
 
 
 def write_potree2(folder: Path, points: Points, *, encoding: str = "DEFAULT", step: int = 2, right: float = 0.0) -> Path:

@@ -6,6 +6,7 @@ import uuid
 
 import laspy
 import numpy as np
+from laspy.vlrs.vlrlist import VLRList
 
 VERSIONS = {0: ("1.1", "1.2", "1.3", "1.4"), 1: ("1.1", "1.2", "1.3", "1.4"), 2: ("1.2", "1.3", "1.4"),
             3: ("1.2", "1.3", "1.4"), 4: ("1.3", "1.4"), 5: ("1.3", "1.4")} | dict.fromkeys(range(6, 11), ("1.4",))  # fmt: skip
@@ -38,8 +39,8 @@ def random_las(path, seed, *, point_format=None, count=None):
     count = int(rng.integers(50, 3000)) if count is None else count
     las = laspy.LasData(header)
     las.points = laspy.ScaleAwarePointRecord.zeros(count, header=header)
-    raw = las.points.array
-    for name in raw.dtype.names:
+    raw: np.ndarray = las.points.array
+    for name in raw.dtype.names or ():
         field = raw[name]
         if name in "XYZ":
             field[...] = rng.integers(-20_000_000, 20_000_000, count)
@@ -48,7 +49,7 @@ def random_las(path, seed, *, point_format=None, count=None):
         else:
             field[...] = np.frombuffer(rng.bytes(field.nbytes), field.dtype).reshape(field.shape)
     if header.version.minor >= 4:
-        las.evlrs = laspy.vlrs.vlrlist.VLRList([laspy.VLR("SURVEY", 100 + i, "later", rng.bytes(int(rng.integers(1, 70_000))))
+        las.evlrs = VLRList([laspy.VLR("SURVEY", 100 + i, "later", rng.bytes(int(rng.integers(1, 70_000))))
                                                 for i in range(int(rng.integers(0, 3)))])  # fmt: skip
     las.write(str(path))
     return number
@@ -75,7 +76,7 @@ def facts(path):
 def coloured_las(path, xyz, rng):
     """Writes (n, 3) points with random colours as LAS or LAZ.  Returns the path."""
     header = laspy.LasHeader(point_format=2, version="1.2")
-    header.scales = [0.001] * 3
+    header.scales = np.full(3, 0.001)
     las = laspy.LasData(header)
     las.x, las.y, las.z = xyz.T
     las.red, las.green, las.blue = rng.integers(0, 65535, (3, len(xyz)))

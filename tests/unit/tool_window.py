@@ -1,6 +1,7 @@
 """What a tool of the window uses of it, without a window: a wall, its camera and its depth."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def a_wall():
     return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
 
 
-class Context:
+class _Context:
     """What tools use of a window."""
 
     def __init__(self, scene):
@@ -65,12 +66,17 @@ class Context:
         return self.camera.position, along / np.linalg.norm(along)
 
 
+def context_of(scene) -> Any:
+    """A window that shows the scene, for tools: a type checker is told that it has all that a ToolContext has."""
+    return _Context(scene)
+
+
 @pytest.fixture(name="context")
 def tool_context(wall):
-    return Context(wall)
+    return context_of(wall)
 
 
-def click(tool, context, place, button="left", clicks=1):
+def click(tool, context, place, button: Any = "left", clicks=1):
     (pixel,), _ = context.camera.project([place])
     for kind in ("press", "release"):
         tool.pointer(PointerEvent(kind, tuple(pixel), button=button, clicks=clicks if kind == "release" else 0), context)

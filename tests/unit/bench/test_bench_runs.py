@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
+from untyped import any_typed
 
 from pointglass.viewer.bench import approximations
 from pointglass.viewer.bench import memory_headroom as room
@@ -35,7 +36,7 @@ def test_percentiles_and_one_percent_low():
     assert frames.one_percent_low(known) == pytest.approx(1000.0 / ((400 + 399 + 398 + 397) / 4))
     assert frames.one_percent_low([20.0, 10.0, 50.0]) == pytest.approx(20.0)  # fewer than 100: the slowest one
     values = rng.gamma(2.0, 30.0, 257)
-    assert [frames.summary(values)[f"p{q}"] for q in (50, 95, 99)] == [np.percentile(values, q) for q in (50, 95, 99)]
+    assert [frames.summary(values.tolist())[f"p{q}"] for q in (50, 95, 99)] == [np.percentile(values, q) for q in (50, 95, 99)]
 
 
 def test_the_front_holds_what_nothing_beats_by_more_than_noise():
@@ -190,11 +191,11 @@ def scanned(seed: int, places: np.ndarray | None = None):
 def test_weighing_by_scanners_is_judged_where_the_scan_knows_them(monkeypatch):
     monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[:1])
     weighted = SimpleNamespace(scene=lambda: scanned(3), facts=lambda *_: {})
-    row = next(row for row in errors.run_errors(weighted, SIZE, 1, "stations")["rows"] if row["group"] == "stations")
+    row = next(row for row in errors.run_errors(any_typed(weighted), SIZE, 1, "stations")["rows"] if row["group"] == "stations")
     assert 15 < row["psnr"] < 40 and row["mask"] == 0, "all points alike show another light, on the same surfaces"
     nobody = SimpleNamespace(scene=lambda: scanned(3, np.full((3, 3), np.nan)), facts=lambda *_: {})
     with pytest.raises(InputError, match="expected one of"):
-        errors.run_errors(nobody, SIZE, 1, "stations")
+        errors.run_errors(any_typed(nobody), SIZE, 1, "stations")
 
 
 def test_bench_cull(tmp_path, monkeypatch):

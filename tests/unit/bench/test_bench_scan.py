@@ -135,7 +135,7 @@ def assert_smooth(path, reach: float) -> None:
 def test_the_path_is_smooth_and_fixed(small):
     _, scene = small
     path = views.camera_path(scene, SIZE)
-    assert_smooth(path, reach=np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+    assert_smooth(path, reach=float(np.linalg.norm(np.ptp(scene.bounds, axis=0))))
     assert all(np.array_equal(a.camera_to_world, b.camera_to_world)
                for a, b in zip(path, views.camera_path(scene, SIZE), strict=True))
     xyz = unpack(scene)[0]

@@ -1,9 +1,9 @@
 """``pointglass compare SCAN MODEL``: signed distances of points from a box whose distance field is known."""
 
-import laspy
 import numpy as np
 import pytest
 import trimesh
+from untyped import read_las
 
 from pointglass.viewer.cli import main
 from pointglass.viewer.common.rigid_transform import rigid, rotation_about
@@ -67,7 +67,7 @@ def test_the_command_finds_a_shift_of_three_millimetres_and_says_how_sure_it_is(
     assert main(["compare", str(scan), str(model), "--project", str(tmp_path / "p.pointglass"), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "outside the model" in said
-    points = laspy.read(out / "distances.laz")
+    points = read_las(out / "distances.laz")
     distance, unsure = np.array(points["distance"]), np.array(points["uncertainty"])
     middle = (np.abs(np.column_stack([points.x, points.y, points.z]) - FAR) @ np.abs(turn) < 10).all(axis=1)
     assert len(distance) == len(places) and np.median(distance) == pytest.approx(0.003, abs=1e-4)
@@ -78,11 +78,11 @@ def test_the_command_finds_a_shift_of_three_millimetres_and_says_how_sure_it_is(
     assert "without a counterpart within" in capsys.readouterr().out
     table = (out / "distances.csv").read_text("utf-8-sig")
     assert ",before,,,box.obj," in table and ",after,,,scan.xyz," in table  # no folders of this machine
-    near = np.array(laspy.read(out / "distances.laz")["distance"])
+    near = np.array(read_las(out / "distances.laz")["distance"])
     assert np.isnan(near).mean() == pytest.approx(0.1, abs=0.01)
     more = ["--project", str(tmp_path / "p.pointglass"), "--range", "5", "--out", str(out)]
     assert main(["compare", str(scan), str(model), *more]) == 0
-    reached = np.array(laspy.read(out / "distances.laz")["distance"])
+    reached = np.array(read_las(out / "distances.laz")["distance"])
     assert np.isfinite(reached).all() and 3.99 < reached[np.isnan(near)].min() < reached.max() < 4.02
     assert main(["compare", str(model), str(model), "--out", str(out)]) == 2
     assert main(["compare", str(scan), str(model), "--out", str(out)]) == 2  # without the project they lie far apart

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from test_run_tasks import Shared, is_running, suicidal, until, wrong
+from untyped import any_typed
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.workers.local_tasks import MOST_DEATHS
@@ -22,7 +23,7 @@ pytest.importorskip("distributed")
 def cluster():
     from distributed import LocalCluster
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as started:
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=any_typed(None), silence_logs=50) as started:
         yield started
 
 

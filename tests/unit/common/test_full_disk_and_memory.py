@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from untyped import any_typed
 
 from pointglass.viewer import cli
 from pointglass.viewer.common.errors import InputError
@@ -26,7 +27,7 @@ def _run(*arguments: object, limit: int | None = None, **given) -> subprocess.Co
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
     return subprocess.run([sys.executable, "-m", "pointglass.viewer", *map(str, arguments)], cwd=ROOT, text=True, timeout=120,
-                          preexec_fn=limited, **({"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | given))
+                          preexec_fn=limited, **any_typed({"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | given))
 
 
 def _line(done: subprocess.CompletedProcess) -> str:

@@ -9,6 +9,7 @@ from cloud_files import write_las
 from e57_files import contents, random_e57
 from examples import examples
 from las_files import random_las
+from untyped import read_las
 
 from pointglass.viewer import cli
 from pointglass.viewer.grid.open_scene import open_scene
@@ -29,10 +30,10 @@ def test_a_project_s_las_export_holds_the_whole_records_in_sight(tmp_path, seed)
     rng = np.random.default_rng(seed)
     files = [tmp_path / "a.laz", tmp_path / "b.las"]
     random_las(files[0], seed, point_format=int(rng.choice([1, 3, 6, 7, 8])))
-    las = laspy.read(files[0])
+    las = read_las(files[0])
     las.points.array["X"] += 5000
     las.write(str(files[1]))
-    both = [laspy.read(file) for file in files]
+    both = [read_las(file) for file in files]
     xyz = np.asarray(both[0].xyz)
     low, high = np.quantile(xyz, 0.1, axis=0), np.quantile(xyz, 0.8, axis=0)
     keeps = Box(tuple((low + high) / 2), tuple((high - low) / 2))
@@ -40,7 +41,7 @@ def test_a_project_s_las_export_holds_the_whole_records_in_sight(tmp_path, seed)
     write_project(project, Document(tuple(ScanFile(str(file)) for file in files), hidden_stations=(1,), clips=(keeps,)))
     export(project, "--out", tmp_path / "out.laz")
     kept = contains((keeps,), xyz)
-    expected, found = both[0].points.array[kept], laspy.read(tmp_path / "out.laz")
+    expected, found = both[0].points.array[kept], read_las(tmp_path / "out.laz")
     assert 0 < kept.sum() < len(xyz)
     assert np.array_equal(np.asarray(found.xyz), xyz[kept])
     ids = expected["point_source_id"].copy()
@@ -91,13 +92,13 @@ def test_a_grid_whose_file_is_gone_is_exported_with_its_own_precision_and_says_s
     assert cli.main(["convert", str(source), "--out", str(grid)]) == 0
     shutil.copy(source, kept)
     export(grid, "--out", tmp_path / "whole.las")
-    assert laspy.read(tmp_path / "whole.las").points.array.tobytes() == laspy.read(kept).points.array.tobytes()
+    assert read_las(tmp_path / "whole.las").points.array.tobytes() == read_las(kept).points.array.tobytes()
     capsys.readouterr()
     source.unlink()
     export(grid, "--out", tmp_path / "b.las")
     told = capsys.readouterr().err
     assert "a.las cannot be read" in told and "as the grid has them" in told and told.count("\n") == 1
-    assert laspy.read(tmp_path / "b.las").header.point_count == laspy.read(kept).header.point_count
+    assert read_las(tmp_path / "b.las").header.point_count == read_las(kept).header.point_count
     random_las(source, 6, point_format=7)
     export(grid, "--out", tmp_path / "c.las")
     assert "a.las has changed" in capsys.readouterr().err
@@ -119,9 +120,9 @@ def test_colours_are_the_file_s_unless_matched_exposures_are_asked_for(tmp_path)
     scene = open_scene([tmp_path / "a.laz"], cache=False)
     assert scene.matched
     export(tmp_path / "a.laz", "--out", tmp_path / "b.laz")
-    assert laspy.read(tmp_path / "b.laz").points.array.tobytes() == las.points.array.tobytes()
+    assert read_las(tmp_path / "b.laz").points.array.tobytes() == las.points.array.tobytes()
     export(tmp_path / "a.laz", "--exposures", "matched", "--out", tmp_path / "c.laz")
-    shown, found = unpack(scene)[1], laspy.read(tmp_path / "c.laz")
+    shown, found = unpack(scene)[1], read_las(tmp_path / "c.laz")
     order = np.argsort(scene.records.numbers(slice(None)))
     assert np.array_equal(np.stack([found.red, found.green, found.blue], axis=1), shown[order] * np.uint16(257))
     assert np.array_equal(found.xyz, las.xyz)
@@ -139,7 +140,7 @@ def test_files_of_a_place_that_clips_leave_out_are_not_read(tmp_path, seed, monk
     monkeypatch.setattr(LasSource, "_blocks_of", lambda self, *given: read.append(self.path.name) or blocks(self, *given))
     assert cli.main(["export", *map(str, files), "--out", str(tmp_path / "part.las"), "--clip", "11,0,0,13,4,4"]) == 0
     assert set(read) == {"f1.las"}
-    whole, part = laspy.read(files[1]), laspy.read(tmp_path / "part.las")
+    whole, part = read_las(files[1]), read_las(tmp_path / "part.las")
     kept = (whole.x >= 11) & (whole.x <= 13)
     assert 0 < kept.sum() < len(kept)
     for name in ("x", "y", "z", "red", "green", "blue", "intensity", "point_source_id"):

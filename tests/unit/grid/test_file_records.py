@@ -7,6 +7,7 @@ import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from untyped import read_las
 
 from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
@@ -47,7 +48,7 @@ def random_las(path, seed: int, count: int = 3000, scale: float = 1e-3, extent: 
             las[name] = rng.integers(0 if most is not None or kind.kind == "u" else np.iinfo(kind).min, high + 1, count)
     las.deviation, las.height = rng.random(count).astype(np.float32), np.round(rng.random(count) * 100, 2)
     las.write(str(path))
-    return laspy.read(str(path))
+    return read_las(str(path))
 
 
 def assert_equals_las(scene, las, index) -> None:

@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import pointglass
 from pointglass.viewer.common.errors import Option
@@ -26,7 +26,7 @@ def test_arrays_come_back_as_points(seed):
     given = arrays(seed)
     with pointglass.from_points(**given, name="mine", metres_per_unit=0.3048) as scan:
         assert scan.count == COUNT and repr(scan) == "<pointglass.Scan mine: 3,000 points>"
-        distance, row = cKDTree(given["xyz"]).query(scan.points.xyz)
+        distance, row = KDTree(given["xyz"]).query(scan.points.xyz)
         assert distance.max() == 0.0 and np.array_equal(np.sort(row), np.arange(COUNT))
         for name in ("rgb", "intensity", "station"):
             assert np.array_equal(getattr(scan.points, name), given[name][row]), name

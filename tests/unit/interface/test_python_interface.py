@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 from e57_photo_files import pinhole, room_points, write_photos
+from untyped import any_typed
 
 import pointglass
 from pointglass.viewer.commands.convert import convert
@@ -182,7 +183,7 @@ def test_an_export_holds_the_points_of_boxes_and_stations(seed, tmp_path, ending
     boxes = np.array([[[0, 0, 0], [2, 2, 4]], [[3, 3, 3], [4, 4, 4]]])
     inside = np.any([((xyz >= low) & (xyz <= high)).all(axis=1) for low, high in boxes], axis=0) & (station != 1)
     given = {"intensity": rng.integers(0, 65536, 4_000), "classification": rng.integers(0, 20, 4_000)}
-    with pointglass.from_points(xyz, rng.random((4_000, 3)), station=station, **given) as scan:
+    with pointglass.from_points(xyz, rng.random((4_000, 3)), station=station, **any_typed(given)) as scan:
         out = tmp_path / f"part.{ending}"
         assert scan.export(out, clip=boxes, stations=[2, 0]) == inside.sum()
         assert scan.export(tmp_path / "all.ply") == 4_000
@@ -239,7 +240,7 @@ def test_photographs_are_listed_and_decoded_when_asked_for(tmp_path):
         placed, loose = scan.photographs
         assert (placed.name, placed.kind, placed.file) == ("placed", "pinhole", tmp_path / "a.e57")
         assert placed.size == (96, 72) and placed.image.shape == (72, 96, 3) and placed.image.std() > 5
-        assert placed._repr_png_()[:4] == b"\x89PNG" and "_stored" not in repr(placed)
+        assert (placed._repr_png_() or b"")[:4] == b"\x89PNG" and "_stored" not in repr(placed)
         assert placed.camera is not None
         assert (placed.camera.width, placed.camera.height, placed.camera.name) == (96, 72, "placed")
         [read], _ = read_photographs(tmp_path / "a.e57")
@@ -302,7 +303,7 @@ def test_an_orthographic_camera_has_one_scale_and_is_refused_by_files_of_pinhole
     assert np.allclose(plan.up, (0, 1, 0)) and np.allclose(plan.forward, (0, 0, -1)) and plan.position[2] == target[2] + 3.0
     for given in ({"height": 0.0}, {"height": 5.0, "direction": (0, 0, 0)}, {"height": 5.0, "up": (0, 0, 2)}, {"height": "5"}):
         with pytest.raises(pointglass.InputError):
-            pointglass.orthographic(target, **given)
+            pointglass.orthographic(target, **any_typed(given))
     for name in ("transforms.json", "camera_path.json"):
         with pytest.raises(pointglass.InputError, match="is orthographic; this format holds pinholes only"):
             pointglass.write_cameras(tmp_path / name, plan)

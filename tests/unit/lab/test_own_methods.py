@@ -185,7 +185,7 @@ def test_the_command_continues_a_file_and_writes_csv_and_latex(tmp_path, capsys,
     for name in ("a", "b"):
         facts = make_room(folder / name) / "scene.json"
         facts.write_text(json.dumps({**json.loads(facts.read_text()), "scene": name}))
-    small = {**table.paper_table.__kwdefaults__, "sizes": ((48, 36),), "repeats": 1}
+    small = {**(table.paper_table.__kwdefaults__ or {}), "sizes": ((48, 36),), "repeats": 1}
     monkeypatch.setattr(table.paper_table, "__kwdefaults__", small)
     names = ("json", "csv", "latex")
     files = {name: tmp_path / f"t.{name.replace('latex', 'tex')}" for name in names}
@@ -222,7 +222,7 @@ def test_pictures_of_another_method_are_compared_in_the_papers_table(tmp_path, c
     from pointglass.model.data.images.scannetpp import load_scannetpp
 
     place = load_scannetpp(root, "aa11bb22cc", "dslr")
-    small = {**table.paper_table.__kwdefaults__, "sizes": ((48, 36),), "repeats": 1}
+    small = {**(table.paper_table.__kwdefaults__ or {}), "sizes": ((48, 36),), "repeats": 1}
     monkeypatch.setattr(table.paper_table, "__kwdefaults__", small)
     folders = {"truth": tmp_path / "truth", "large": tmp_path / "large" / "aa11bb22cc" / "48x36" / "D100"}
     for name, folder in folders.items():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
+from untyped import any_typed
 
 from pointglass.model.common.errors import DataError
 from pointglass.model.data.dataset import MemoryPicture, MergedScan
@@ -116,4 +117,4 @@ def test_diffuse_points_on_visible_surfaces_have_the_true_colours():
     assert on.sum() == 2 * size**2 and (made.rgb.numpy()[~on] == 7).all()
     lens = ("width", "height", "fl", "cx", "cy", "camera_to_world")
     unknown = SimpleNamespace(**{name: getattr(shot, name) for name in lens}, depth=lambda: None)
-    assert diffuse(project_scan(scan, shot), scan, unknown).rgb.unique().tolist() == [7]
+    assert diffuse(project_scan(scan, shot), scan, any_typed(unknown)).rgb.unique().tolist() == [7]

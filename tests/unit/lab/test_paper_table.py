@@ -143,7 +143,7 @@ def test_one_command_gives_the_papers_table(scannetpp, tmp_path, capsys, monkeyp
     from pointglass.viewer.cli import main
 
     (scannetpp / "splits" / "nvs_sem_val.txt").write_text("aa11bb22cc\n")
-    small = {**table.paper_table.__kwdefaults__, "sizes": ((96, 72),), "repeats": 1}
+    small = {**(table.paper_table.__kwdefaults__ or {}), "sizes": ((96, 72),), "repeats": 1}
     monkeypatch.setattr(table.paper_table, "__kwdefaults__", small)
     assert main(["evaluate", str(scannetpp), "--paper-table", "--views", "1", "--json", str(tmp_path / "t.json")]) == 0
     said = capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from untyped import any_typed
 
 from pointglass.model.data import procedural
 from pointglass.model.data.pairs import build, by_size
@@ -105,7 +106,7 @@ def test_pictures_and_scans_of_a_place_in_use_are_cached(monkeypatch):
     monkeypatch.setattr(ProceduralPlace, "traced", lambda self, seed: made.append(seed) or traced(self, seed))
     for _ in range(2):
         assert [view.rgb().shape for view in place.views] == [(48, 64, 3)] * 2
-        assert all(view.depth().shape == view.coverage().shape for view in place.views)
+        assert all(view.depth().shape == view.coverage().shape for view in any_typed(place.views))
         place.scan(8)
     assert made == [0, 1, 8]
     place.traced(8)

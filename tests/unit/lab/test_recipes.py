@@ -78,7 +78,7 @@ def test_train_from_the_command_line_resumes_and_prints_the_path_of_the_weights(
 def test_bad_training_input_gives_one_line_and_leaves_no_files(tmp_path, capsys, line, message):
     (tmp_path / "EMPTY").mkdir()
     names = {name: str(tmp_path / name) for name in ("OUT", "NOWHERE", "EMPTY")}
-    assert main(["train", *(names.get(word, word) for word in line)]) == 2
+    assert main(["train", *(str(names.get(word, word)) for word in line)]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1
     assert not (tmp_path / "OUT").exists()

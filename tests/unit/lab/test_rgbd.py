@@ -123,6 +123,7 @@ def test_the_scan_of_rgbd_frames_agrees_with_walls_and_held_out_views(form, tmp_
     lens = Lens("PINHOLE", view.width, view.height, view.fl, view.fl, view.cx, view.cy)
     truth = cast(rays_of(lens), view.camera_to_world)[1]
     depth = view.depth()
+    assert depth is not None
     finite = np.isfinite(depth)
     assert finite.mean() > 0.85 and np.quantile(np.abs(depth - truth)[finite] / truth[finite], 0.95) < 0.03
 

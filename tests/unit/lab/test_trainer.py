@@ -3,6 +3,7 @@
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def _batch() -> Batch:
     return Batch(random(6), random(3), random(1), random(1), torch.zeros(0, 6, 32, 32), torch.zeros(0, 2, 32, 32))
 
 
-def _pull(strength: float):
+def _pull(strength: float) -> Any:
     """Replaces the objective: rewards dark pictures."""
     def objective(made, _beside, _batch):
         return strength * made.square().mean(), {}

@@ -98,7 +98,7 @@ def test_decimation_keeps_the_same_points_in_every_picture(tmp_path):
     aside[:3, 3] += 0.3
     seen = [project_scan(scan, shot, 9, camera_to_world=pose) for pose in (shot.camera_to_world, aside)]
     numbers = [(view.rgb.long() * torch.tensor([1, 256, 65536])).sum(1).numpy() for view in seen]
-    both, first, second = np.intersect1d(*numbers, return_indices=True)
+    both, first, second = np.intersect1d(numbers[0], numbers[1], return_indices=True)
     assert min(map(len, numbers)) > len(both) > 500
     assert torch.equal(seen[0].rank[first], seen[1].rank[second]) and seen[0].rank.unique().numel() > 0.99 * len(numbers[0])
 

@@ -1,6 +1,7 @@
 """Networks, weights and inference: shapes, files, precision."""
 
 import json
+from functools import reduce
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import torch.nn.functional as F
 from PIL import Image, ImageDraw, ImageFont
 from rooms import make_room
 from safetensors.torch import save_file
+from untyped import any_typed
 
 from pointglass.model.common.errors import DataError
 from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
@@ -155,8 +157,9 @@ def test_the_receptive_field_is_at_most_the_reach():
         for at in ((200, 208), (207, 199)):
             x = torch.rand(1, INPUT_CHANNELS, 400, 400, requires_grad=True)
             network(x)[0, :, at[0], at[1]].sum().backward()
+            assert x.grad is not None
             reached = torch.nonzero(x.grad[0].abs().amax(0))
-            assert (reached - torch.tensor(at)).abs().max() <= network.reach, quality
+            assert (reached - torch.tensor(at)).abs().max() <= any_typed(network.reach), quality
 
 
 def test_a_missing_quality_names_the_shipped_weights():
@@ -221,7 +224,7 @@ def test_what_the_corners_of_all_blocks_differ_by_leaves_no_pattern(block):
     network, x = CompactUNet(Size((8, 8), 1, block)).eval(), torch.rand(1, 6, 60, 44)  # the last squares lie beyond the border
     plain = network(x)
     with torch.no_grad():
-        network.head.bias[: block**2] += torch.linspace(-0.2, 0.2, block**2) if block > 1 else 0.1
+        any_typed(network.head.bias)[: block**2] += torch.linspace(-0.2, 0.2, block**2) if block > 1 else 0.1
     assert torch.allclose(network(x), plain, atol=1e-5)
 
 
@@ -232,7 +235,7 @@ def test_blends_have_no_mesh_of_blocks_either():
     network, x, made = make_network("fast").eval(), torch.rand(1, 6, 48, 64), []
     assert isinstance(network, CompactUNet)
     for corners in ((0.5, 0.5, 0.5, 0.5), (0.2, 0.4, 0.6, 0.8)):
-        network.head.bias[4:8] = torch.tensor(corners)
+        any_typed(network.head.bias)[4:8] = torch.tensor(corners)
         made.append(network(x)[:, :3])
     assert torch.allclose(*(picture[..., 2:-2, 2:-2] for picture in made), atol=1e-5)
     assert (made[0] - x[:, :3]).abs().max() > 0.1
@@ -322,7 +325,7 @@ def test_best_is_the_mean_of_the_balanced_networks_mirrored_pictures(seed):
     packed = torch.from_numpy(rng.random((40, 56, PACKED_IN), np.float32)).half()
     packed[..., CLOSED:] = 0.0
     best, one = (Reconstructor(quality, filtered=True, device="cpu", precision="fp32") for quality in ("best", "balanced"))
-    wanted = sum(one(packed.flip(axes).contiguous()).flip(axes).float() for axes in FLIPS) / len(FLIPS)
+    wanted = reduce(torch.add, (one(packed.flip(axes).contiguous()).flip(axes).float() for axes in FLIPS)) / len(FLIPS)
     assert torch.equal(best(packed), wanted.half()) and len(set(FLIPS)) == 4
     assert "4 mirrored pictures" in best.name and best.name.split()[1] == one.name.split()[1]
     mirrored = best(packed.flip((1,)).contiguous()).flip((1,))

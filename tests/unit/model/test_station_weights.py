@@ -164,7 +164,7 @@ def test_matched_tones_equal_the_definition(seed, size, kept):
 def test_confident_pixels_keep_their_colour(seed):
     rng = np.random.default_rng(seed)
     colour, share = torch.from_numpy(rng.integers(0, 256, (3, 30, 41))).float(), torch.from_numpy(rng.random((30, 41))).float()
-    share[rng.random((30, 41)) < 0.5] = 1.0
+    share[torch.from_numpy(rng.random((30, 41)) < 0.5)] = 1.0
     tone, settled = match_tone(colour, share)
     assert torch.equal(tone[:, share == 1], colour[:, share == 1]) and (settled[share == 1] == 1).all()
     ones = torch.ones(30, 41)

@@ -18,7 +18,8 @@ def random_clips(random, count: int, around: np.ndarray) -> list:
     for _ in range(count):
         centre, removes = vector(around + random.uniform(-1, 1, 3)), bool(random.random() < 0.4)
         if random.random() < 0.5:
-            axes = tuple(vector(row) for row in random_rotation(random))
+            first, second, third = random_rotation(random)
+            axes = vector(first), vector(second), vector(third)
             clips.append(Box(centre, vector(random.uniform(0.2, 1.5, 3)), axes, removes))
         else:
             clips.append(Slab(centre, vector(random_rotation(random)[0]), float(random.uniform(0.2, 2.0)), removes))

@@ -1,6 +1,7 @@
 """Sets of points: what they hold is what was put in, through JSON too, and damage is one line."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def test_a_set_stays_with_its_files_where_others_come_and_go(seed):
     (lambda item: item.pop("file"), "expected file"), (lambda item: item.update(more=1), "expected file"),
 ])  # fmt: skip
 def test_a_damaged_set_is_refused_in_words(change, words):
-    data = to_json(PointSet.of(np.arange(100) % 3 == 0, (("a.las", 100),)))
+    data: Any = to_json(PointSet.of(np.arange(100) % 3 == 0, (("a.las", 100),)))
     change(data[0])
     with pytest.raises(InputError, match=words):
         from_json(PointSet, data, "document.selection")

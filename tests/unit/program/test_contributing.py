@@ -7,6 +7,7 @@ from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,10 +60,10 @@ def test_its_reader_reads(tmp_path, monkeypatch):
     module = module_of("A reader", "readers.pex", monkeypatch)
     row = re.search(r"^\+\s+(Format\(.*\)),$", block(recipe("A reader"), "diff"), re.MULTILINE)
     assert row is not None
-    monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, eval(row[1], vars(formats))))
+    monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, eval(row[1], dict(vars(formats)))))
 
     rng = np.random.default_rng(1)
-    points = np.zeros(2000, module._RECORD)
+    points: Any = np.zeros(2000, module._RECORD)
     points["xyz"], points["rgb"] = rng.uniform(0, 3, (2000, 3)), rng.integers(0, 256, (2000, 3))
     path = tmp_path / "a.pex"
     path.write_bytes(b"PEX1" + (2000).to_bytes(8, "little") + points.tobytes())

@@ -2,6 +2,7 @@
 
 import errno
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -56,7 +57,7 @@ def test_what_an_unset_variable_leaves_is_refused(words, name):
 
 
 def test_every_option_tells_its_default():
-    commands = next(action for action in make_parser()._actions if action.dest == "command")
+    commands: Any = next(action for action in make_parser()._actions if action.dest == "command")
     untold = [f"{name} {action.option_strings[0]}" for name, command in commands.choices.items() for action in command._actions
               if action.option_strings and action.default not in (None, False, [], "==SUPPRESS==")
               and "default" not in (action.help or "")]  # fmt: skip

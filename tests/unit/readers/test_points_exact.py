@@ -6,6 +6,7 @@ import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from untyped import read_las
 
 import pointglass
 from pointglass.viewer.readers.source import CHUNK
@@ -30,7 +31,7 @@ def sparse_las(path, count: int = 2000):
     las.intensity, las.gps_time = np.arange(count) * 9 % 65536, rng.random(count) * 1e9
     las.classification = np.arange(count) % 2 + 1
     las.write(str(path))
-    return laspy.read(str(path))
+    return read_las(str(path))
 
 
 def test_sparse_points_are_exact_and_keep_their_attributes(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from e57_photo_files import AWAY, Picture, encoded, hit, paint, projected, room_points, write_photos
 from scipy.spatial.transform import Rotation
+from untyped import any_typed
 
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.preprocess.closed_depth import filled_depth
@@ -72,7 +73,7 @@ def test_a_photograph_lies_in_place_within_a_pixel(tmp_path, seed, kind):
     width, height = SIZE
     column, row = np.meshgrid(np.arange(width), np.arange(height))
     picture = np.stack([column, row, np.zeros_like(row)], -1).astype(np.uint8)  # each pixel says which one it is
-    rotation = Rotation.random(random_state=int(random.integers(1 << 31)))
+    rotation = any_typed(Rotation.random)(random_state=int(random.integers(1 << 31)))
     photo = written(tmp_path, kind, picture, rotation)
     matrix, compared = rotation.as_matrix(), 0
     rays = rays_of(kind) @ matrix.T
@@ -136,7 +137,7 @@ def test_a_photograph_does_not_colour_what_it_could_not_see(tmp_path, seed, kind
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_places_project_onto_the_pixels_that_saw_them(tmp_path, seed, kind):
-    rotation = Rotation.random(random_state=seed)
+    rotation = any_typed(Rotation.random)(random_state=seed)
     rays = rays_of(kind) @ rotation.as_matrix().T
     photo = written(tmp_path, kind, paint(hit(PLACE, rays)), rotation)
     pixels, seen = projected(photo, (hit(PLACE, rays) + AWAY).reshape(-1, 3))

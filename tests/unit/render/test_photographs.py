@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from e57_photo_files import projected
 from scipy.spatial.transform import Rotation
+from untyped import any_typed
 
 from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.picture.camera import Camera
@@ -62,7 +63,8 @@ def test_each_place_votes_for_the_photographs_that_show_it_best(seed):
         picture, _, kind, lens, around, pose, _, _ = random_photo(rng, k % 3)
         pose[:3, 3] *= 4
         height, width = picture.shape[:2]
-        photos.append(PosedPhotograph("", KINDS[kind], width, height, lens, around, pose, partial(np.asarray, picture)))
+        decode = any_typed(partial(np.asarray, picture))
+        photos.append(PosedPhotograph("", KINDS[kind], width, height, lens, around, pose, decode))
     worth = np.zeros((len(photos), len(places)))
     for k, photo in enumerate(photos):
         ray = places - photo.position

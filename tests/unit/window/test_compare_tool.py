@@ -2,10 +2,10 @@
 
 from types import SimpleNamespace
 
-import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from untyped import read_las
 from window_session import until_idle
 
 from pointglass.viewer.grid.scene import unpack
@@ -94,7 +94,7 @@ def test_a_change_of_known_size_is_found_and_coloured_in_the_window_and_exported
     tool.export(context)
     window.turn()
     out = tmp_path / "now-compared"
-    read = laspy.read(out / "distances.laz")
+    read = read_las(out / "distances.laz")
     assert len(read.points) == 60_000 and np.nanmedian(np.asarray(read["distance"])[read.x > 4.0e5 + 2.05]) > 0.8 * RISE
     assert session.notices.saved[-1] == out
     tool.put_away(context)

@@ -1,14 +1,14 @@
 """The Film tool: staying at keyframes, a slow beginning, and the path around a point, as steps that can be undone."""
 
 import numpy as np
-from tool_window import Context, a_wall  # noqa: F401  (a fixture)
+from tool_window import a_wall, context_of  # noqa: F401  (a fixture)
 
 from pointglass.viewer.window.interaction.film.camera_path_editor import CameraPathEditor
 from pointglass.viewer.work.cameras.keyframes import cameras_along
 
 
 def test_orbit_makes_a_closed_path_around_the_point_in_the_middle(wall):
-    context, editor = Context(wall), CameraPathEditor()
+    context, editor = context_of(wall), CameraPathEditor()
     editor.add_keyframe(context)
     editor.orbit(context)
     path = context.document.path
@@ -22,7 +22,7 @@ def test_orbit_makes_a_closed_path_around_the_point_in_the_middle(wall):
 
 
 def test_orbit_without_a_point_in_the_middle_says_so(wall):
-    context, editor = Context(wall), CameraPathEditor()
+    context, editor = context_of(wall), CameraPathEditor()
     context.viewport.pixels.read = lambda _, name, wait: {"depth": np.full((300, 400), np.inf, np.float32),
                                                           "mask": np.zeros((300, 400), bool)}[name]
     editor.orbit(context)
@@ -30,7 +30,7 @@ def test_orbit_without_a_point_in_the_middle_says_so(wall):
 
 
 def test_a_stay_moves_with_its_keyframe_and_dragging_it_is_one_step(wall):
-    context, editor = Context(wall), CameraPathEditor()
+    context, editor = context_of(wall), CameraPathEditor()
     for _ in range(3):
         editor.add_keyframe(context)
     times = [key.time for key in context.document.path.keyframes]

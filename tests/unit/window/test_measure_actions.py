@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tool_window import Context, a_wall, click, tool_context  # noqa: F401  (fixtures)
+from tool_window import a_wall, click, context_of, tool_context  # noqa: F401  (fixtures)
+from untyped import any_typed
 
 from pointglass.viewer.window.file_dialog.chosen_path import examine
 from pointglass.viewer.window.interaction.measuring.measure import Measure
@@ -61,11 +62,11 @@ def test_a_length_is_written_from_the_next_measured_point_on_with_the_digits_tha
     click(tool, context, (1.0, 5.0, 1.0))
     near = tool._pointing.at(context, tuple(context.camera.project([(1.0, 5.0, 1.0)])[0][0]))
     for work.under_pointer in (near, replace(near, position=tool.points[0].position)):
-        tool.draw(drawn, context)
+        tool.draw(any_typed(drawn), context)
     assert drawn.labels == []
     for along in (0.01, 2.0):
         work.under_pointer = replace(near, index=near.index + 1, position=(1.0 + along, 5.0, 1.0))
-        tool.draw(drawn, context)
+        tool.draw(any_typed(drawn), context)
     assert [len(label.split(".")[1]) for label in drawn.labels] == [len("123 m")] * 2
     work.exact_points = SimpleNamespace(of=lambda _, picked, __: picked)
     click(tool, context, (3.0, 5.0, 1.0))
@@ -82,7 +83,7 @@ def fitted(tool, context) -> None:
 
 
 def test_a_click_fits_a_plane_beside_the_frame_and_one_step_takes_it_back(wall):
-    context, tool = Context(wall), Measure()
+    context, tool = context_of(wall), Measure()
     tool.kind = "plane"
     click(tool, context, (1.0, 5.0, 1.0))
     assert context.document.measurements == () and "Esc gives up" in tool.hint(context)
@@ -94,7 +95,7 @@ def test_a_click_fits_a_plane_beside_the_frame_and_one_step_takes_it_back(wall):
 
 
 def test_a_fit_is_given_up_by_esc_and_a_flat_wall_is_no_pipe(wall):
-    context, tool = Context(wall), Measure()
+    context, tool = context_of(wall), Measure()
     tool.kind = "pipe"
     click(tool, context, (1.0, 5.0, 1.0))
     assert tool.key_event(KeyEvent("ESCAPE", "press"), context) and not tool.key_event(KeyEvent("ESCAPE", "press"), context)
@@ -104,7 +105,7 @@ def test_a_fit_is_given_up_by_esc_and_a_flat_wall_is_no_pipe(wall):
 
 
 def test_a_plane_that_is_set_goes_over_to_a_kind_that_begins_with_one(wall):
-    context, tool = Context(wall), Measure()
+    context, tool = context_of(wall), Measure()
     tool.kind = "corner"
     click(tool, context, (1.0, 5.0, 1.0))
     fitted(tool, context)
@@ -120,7 +121,7 @@ def test_a_plane_that_is_set_goes_over_to_a_kind_that_begins_with_one(wall):
 
 
 def test_another_kind_gives_up_planes_that_it_has_no_use_for_those_being_fitted_too(wall):
-    context, tool = Context(wall), Measure()
+    context, tool = context_of(wall), Measure()
     tool.kind = "corner"
     click(tool, context, (1.0, 5.0, 1.0))
     fitted(tool, context)

@@ -2,10 +2,11 @@
 
 import csv
 from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 import pytest
-from tool_window import Context, click
+from tool_window import click, context_of
 
 from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.clip import Box, vector
@@ -32,8 +33,8 @@ def block():
     return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta=ScanDescription(metres_per_unit=1.0))
 
 
-def measuring(block) -> tuple[Context, Measure]:
-    context, tool = Context(block), Measure()
+def measuring(block) -> tuple[Any, Measure]:
+    context, tool = context_of(block), Measure()
     context.session.work.edit("Up", up=vector((0.0, -1.0, 0.0)))
     tool.kind = "volume"
     return context, tool
@@ -134,7 +135,7 @@ def test_a_profile_is_one_step_over_the_block_and_its_stations_are_saved(block, 
 
 def test_the_volume_in_a_clip_box_is_a_measurement_of_the_list(block):
     """The box is active, so that the points beneath it are not drawn; they tell where nothing lies in it."""
-    context, tool = Context(block), ClipTool()
+    context, tool = context_of(block), ClipTool()
     box = Box((2.0, 4.8, 1.5), (0.7, 0.195, 0.6))  # from 5 mm above the ground on
     context.session.work.edit("Up", up=vector((0.0, -1.0, 0.0)), clips=(box,))
     tool.volume.start(context, box)

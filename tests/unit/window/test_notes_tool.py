@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tool_window import Context, a_wall  # noqa: F401  (a fixture)
+from tool_window import a_wall, context_of  # noqa: F401  (a fixture)
 
 from pointglass.viewer.window.interaction.notes.note_fields import NoteFields
 from pointglass.viewer.window.interaction.notes.note_markers import note_at
@@ -19,7 +19,7 @@ def click(x: float, y: float) -> PointerEvent:
 
 @pytest.fixture
 def made(wall):
-    context = Context(wall)
+    context = context_of(wall)
     context.session.loads = SimpleNamespace(wake=lambda: None)
     return Notes(), context
 

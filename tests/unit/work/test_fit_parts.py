@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import pytest
 from cloud_files import write_las
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from synthetic_pipes import frame, plate
 
 from pointglass.viewer.grid.open_scene import open_scene
@@ -226,7 +226,7 @@ def test_noise_and_spacing_are_those_of_a_bent_surface(seed):
         for error in (normals * random.normal(size=(len(feet), 1)), random.normal(size=feet.shape)):
             points = feet + noise * error
             near = points[np.linalg.norm(feet - feet[0], axis=1) < 10 * spacing]
-            assert noise_of(points, cKDTree(points), near) == pytest.approx(noise, rel=0.3), (radius, spacing, noise)
+            assert noise_of(points, KDTree(points), near) == pytest.approx(noise, rel=0.3), (radius, spacing, noise)
 
 
 def test_the_spacing_of_a_grid_is_its_step_and_of_one_place_0(seed):

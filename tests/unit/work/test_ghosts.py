@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from swept_room import PLACES, ROOM, hits
+from untyped import read_las
 
 from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.common.errors import InputError
@@ -105,9 +106,8 @@ def test_an_export_leaves_hidden_ghosts_out_and_gives_shown_ones_their_own_stati
     assert export(Selection(marked, hidden=hidden), tmp_path / f"left{suffix}") == scene.count - len(marked.marked.numbers)
     assert export(Selection(marked), tmp_path / f"all{suffix}") == scene.count
     if suffix == ".laz":
-        import laspy
 
-        assert np.array_equal(np.bincount(laspy.read(tmp_path / "all.laz").point_source_id)[1:], [30_000] * 3)
+        assert np.array_equal(np.bincount(read_las(tmp_path / "all.laz").point_source_id)[1:], [30_000] * 3)
     left = open_scene([tmp_path / f"left{suffix}"], cache=False, match=False)
     kept = np.ones(scene.count, bool)
     kept[marked.marked.numbers] = False
