@@ -62,9 +62,9 @@ def made():
     found, _ = session()
     found.resize((1280, 720))
     found.arrange(1.0)
-    places = ((0.0, 0.0, 0.0), (1.0, 2.0, 0.5))
+    points = [MeasuredPoint(p, 0.01, 0.001, "a scan that was removed") for p in ((0.0, 0.0, 0.0), (1.0, 2.0, 0.5))]
     found.work.edit("all", clips=(Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), name="Box"),),
-                    measurements=(Measurement("distance", tuple(MeasuredPoint(p, 0.01, 0.001) for p in places), "Distance"),))
+                    measurements=(Measurement("distance", tuple(points), "Distance"),))
     found.advance()
     spent = frame_cost(raster=2.0, facts={"points_total": 4_000, "device": "cpu", "bridge": "none"})
     found.drew(found.screen.plan, spent)
