@@ -69,11 +69,11 @@ def test_files_come_and_go_while_work_and_camera_stay(window, tmp_path):
     window.turn()
     assert window.names() == ["part0.ply", "part1.ply", "part2.ply"]
     assert first.items() <= written().items() and len(written()) == 3
-    assert measurement_group(window.tool, window.context).row(0).value.endswith(" units")
+    assert measurement_group(window.tool, window.context).row(0).value == "3.000 units"
     window.remove(0)
     assert window.names() == ["part1.ply", "part2.ply"]
     row = measurement_group(window.tool, window.context).row(0)
-    assert row.value.endswith(" units, its scan is not open") and row.about.splitlines()[1:] == ["part0"]
+    assert row.value == "3.000 units; not open" and row.about.endswith("\nIts scan is not open: part0")
     assert session.document.hidden_stations == (0,)  # part1 still
     assert [scan.count for scan in session.scene.meta.scans] == [5010, 5020]
     np.testing.assert_array_equal(session.camera.camera_to_world, camera)

@@ -50,9 +50,10 @@ def measurement_group(tool: Tool, context: ToolContext) -> Group:
         return value_text(found[number], unit_of(context))
 
     def row(number: int) -> Row:
-        gone = not_open(found[number], names())
-        value = f"{value_of(number)}{', its scan is not open' if gone else ''}"
-        return Row(found[number].name, value, "\n".join([f"{found[number].name}: {value}", *gone]))
+        name, value = found[number].name, value_of(number)
+        if gone := not_open(found[number], names()):
+            return Row(name, f"{value}; not open", f"{name}: {value}\nIts scan is not open: {', '.join(gone)}")
+        return Row(name, value, f"{name}: {value}")
 
     def rename(number: int, name: str) -> None:
         edit(context, "Rename measurement", ("rename", number),
