@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..grid.cache import load_folder
 from ..readers.grid_folder import is_grid
+from ..readers.remote.local_copies import local_file
 from .document import Document, ScanFile
 from .registration.moved_files import is_of
 from .scan_files import FilePart
@@ -36,7 +37,8 @@ def without_file(document: Document, parts: Sequence[FilePart], number: int) -> 
             if gone.path not in held:
                 scans.append(scan)
             continue
-        inside = [part.path for part in parts if is_of(part.path, scan.path)]
+        here = str(local_file(Path(scan.path), fetch=False))  # of an address its copy, from which the scene was read
+        inside = [part.path for part in parts if is_of(part.path, here)]
         if gone.path not in inside:
             scans.append(scan)
         elif len(inside) > 1:

@@ -1,6 +1,7 @@
 """Files added to and removed from an open scene: a step of the document, which the scene follows; work and camera stay."""
 
 import os
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,14 +12,16 @@ from window_session import until_idle
 from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.grid.place import many_files
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.readers.remote.local_copies import local_file
 from pointglass.viewer.window.interaction.measuring.listed_measurements import measurement_group
 from pointglass.viewer.window.interaction.registering.align_tool import Align
 from pointglass.viewer.window.interaction.tool import ToolContext
 from pointglass.viewer.window.session.session import Session
 from pointglass.viewer.window.shell.actions import WindowActions
-from pointglass.viewer.work.changed_files import with_files
+from pointglass.viewer.work.changed_files import with_files, without_file
+from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
-from pointglass.viewer.work.scan_files import files_of
+from pointglass.viewer.work.scan_files import FilePart, files_of
 
 
 class Window:
@@ -107,3 +110,11 @@ def test_a_folder_made_by_convert_is_added_and_removed_like_a_file(window, tmp_p
     window.turn()
     window.remove(0)
     assert window.names() == ["part1.ply", "part2.ply"]
+
+
+def test_a_scan_at_an_address_is_removed_like_a_file(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path))
+    paths = ["/here/near.laz", "https://there/far.laz"]
+    document = Document(tuple(map(ScanFile, paths)))
+    parts = [FilePart(str(local_file(Path(path), fetch=False)), range(k, k + 1)) for k, path in enumerate(paths)]
+    assert [[scan.path for scan in without_file(document, parts, k).scans] for k in range(2)] == [paths[1:], paths[:1]]
