@@ -101,7 +101,8 @@ class MovedPicture:
             self._coming = None
         self._coming = self._coming or Keyframe(self._context, size)
         assert frame.filled_depth is not None
-        self._coming.take_depth(frame.camera, frame.filled_depth, frame.textures["filled"])
+        used = self._software or self._beside  # elsewhere the network keeps up, and reading pixels would wait for the GPU
+        self._coming.take_depth(frame.camera, frame.filled_depth, frame.textures.get("filled") if used else None)
 
     def arrive(self, picture: "moderngl.Texture | None" = None) -> None:
         """The neural picture held for has been made: ``picture``, or what was written since."""
