@@ -1,5 +1,7 @@
 """Registration (viewer.work.registration): pairs against Horn's quaternions, surfaces against known motions of rooms."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from swept_room import hits
@@ -19,9 +21,12 @@ from pointglass.viewer.common.rigid_transform import (
     rows_of,
     turn_in_degrees,
 )
+from pointglass.viewer.readers.remote.local_copies import local_file
+from pointglass.viewer.work.document import ScanFile
 from pointglass.viewer.work.registration.align_surfaces import Alignment, align_surfaces
 from pointglass.viewer.work.registration.icp_clouds import normals_of, voxel_means
 from pointglass.viewer.work.registration.levelling import by_numbers, levelled, plane_of, set_bearing
+from pointglass.viewer.work.registration.moved_files import transforms_of, with_transform
 from pointglass.viewer.work.registration.point_pairs import fit_pairs
 
 MAP = 3e6
@@ -245,3 +250,15 @@ def test_small_helpers_of_transformations(seed):
     for wrong in (np.diag([1.0, 1, -1, 1]), np.diag([1.001, 1, 1, 1]), np.full((4, 4), np.nan), np.diag([1e200, 1, 1, 1])):
         with pytest.raises(InputError, match="what"), np.errstate(all="raise"):
             check_rigid(rows_of(wrong), "what")
+
+
+def test_a_scan_at_an_address_is_moved_by_the_path_of_its_copy(monkeypatch, tmp_path):
+    """The document has the address, the scene the copy that was read."""
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path))
+    address = "https://example.org/scans/west.laz"
+    copy = str(local_file(Path(address), fetch=False))
+    rows = ((1.0, 0.0, 0.0, 2.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    scans = ScanFile(address), ScanFile(str(tmp_path / "east.laz"))
+    moved = with_transform(scans, [copy, scans[1].path], 0, rows)
+    assert moved == (ScanFile(address, transform=rows), scans[1])
+    assert transforms_of(moved, [copy, scans[1].path]) == (rows, None)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...common.rigid_transform import IDENTITY, Rows
 from ...readers.moved_source import move_of
+from ...readers.remote.local_copies import local_file
 from ..document import ScanFile
 from ..project import moves_of
 from ..scan_files import FilePart
@@ -62,8 +63,8 @@ def unsure_of(scans: Iterable[ScanFile], path: Path) -> float | None:
 
 
 def is_of(source: str, path: str) -> bool:
-    """Whether a file is a scan of a document, or lies in its folder."""
-    real, scan = os.path.realpath(source), os.path.realpath(path)
+    """Whether a file is a scan of a document, or lies in its folder.  Of an address its copy counts."""
+    real, scan = (os.path.realpath(local_file(Path(name), fetch=False)) for name in (source, path))
     return scan in (real, os.path.dirname(real))
 
 
