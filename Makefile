@@ -1,9 +1,6 @@
 # What a person or CI does with a checkout.  `make help` lists the targets.
 PYTHON := .venv/bin/python
 SHELL := /bin/bash
-# Tests without an error of pyright's; the other folders still have some.
-TYPED_TESTS := $(filter-out %/e57_photo_files.py,$(wildcard tests/*.py tests/unit/*.py)) tests/faults tests/golden tests/gpu tests/hostile tests/installed \
-	tests/stability $(addprefix tests/unit/,bench common interface lab model picture program)
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-all test-fast faults hostile lint golden assets pictures docs web wheel tag clean setup
@@ -35,7 +32,6 @@ hostile: setup  ## mutants of every file that is read, for a minute (ARGS="--min
 lint: setup  ## ruff and pyright
 	@$(PYTHON) -m ruff check .
 	@$(PYTHON) -m pyright --warnings
-	@$(PYTHON) -m pyright --warnings $(TYPED_TESTS)
 
 assets: setup  ## generate the demo scan and its cameras again (a minute or two)
 	@$(PYTHON) -m pointglass.model.synth.demo assets/demo.laz

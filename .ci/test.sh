@@ -62,7 +62,7 @@ tests() {
 # since it found nothing.  `make lint` always runs it.
 types() {
     local clean=.venv/.types-clean state
-    state=$(find viewer model pointglass.py pyproject.toml .venv/.stamp -type f ! -name '*.pyc' ! -name '*.nb[ic]' -print0 |
+    state=$(find viewer model tests pointglass.py pyproject.toml .venv/.stamp -type f ! -name '*.pyc' ! -name '*.nb[ic]' -print0 |
         sort -z | xargs -0 sha256sum | sha256sum)
     if [[ $(cat "$clean" 2>/dev/null) == "$state" ]]; then
         echo "pyright: no change since it found nothing"
