@@ -176,11 +176,15 @@ def _temporary(target: Path, make: Callable[[Path], object], sources: Iterable[P
         path = target.with_name(_name(target))
         with _recorded(path), cleaned(lambda path=path: _remove(path)):
             make(path)
-            restrict(path, sources)
             try:
+                restrict(path, sources)
                 lock = locked(path)
-            except (FileNotFoundError, BlockingIOError):  # another process swept it before it was locked
+            except BlockingIOError:  # another process sweeps it, since it was not locked yet
                 continue
+            except FileNotFoundError:
+                if path.exists():  # one of the sources is missing
+                    raise
+                continue  # swept
             try:
                 if path.exists():
                     yield path

@@ -137,6 +137,26 @@ def test_errors_of_locking_are_reported_and_leave_nothing_behind(tmp_path, monke
         _new(tmp_path)
 
 
+@pytest.mark.parametrize("moment", ["restrict", "locked"])
+def test_one_that_another_process_sweeps_before_it_is_locked_is_made_again(tmp_path, monkeypatch, moment):
+    """Workers that start together sweep the folder in which others just begin."""
+    (source := tmp_path / "a.laz").touch()
+    real, times = getattr(temporary, moment), []
+
+    def swept(path, *rest):
+        if not times:
+            path.rmdir()
+        times.append(path)
+        return real(path, *rest)
+
+    monkeypatch.setattr(temporary, moment, swept)
+    with temporary.temporary_folder(tmp_path / "grid", sources=[source]) as folder:
+        assert folder.is_dir() and len(set(times)) == 2
+    with pytest.raises(FileNotFoundError), temporary.temporary_folder(tmp_path / "grid", sources=[tmp_path / "gone"]):
+        pass
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.laz"]
+
+
 def test_a_link_or_file_that_lies_there_is_never_written_to(tmp_path, monkeypatch):
     victim = tmp_path / "victim"
     victim.write_text("precious")
