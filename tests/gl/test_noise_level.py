@@ -9,9 +9,12 @@ from clouds import camera_in, room, scanned
 from reference import reference_frame
 
 from pointglass.model.appearance.noise import KNOTS, NoiseModel
+from pointglass.model.reference.fill_constants import FOR_NETWORK, FOR_PICTURE
 from pointglass.model.reference.noise_level import pixel_noise
 from pointglass.model.reference.projection import NOISE_SCALE, averaging
 from pointglass.viewer.picture.settings import Settings
+from pointglass.viewer.render.device.shader import Programs
+from pointglass.viewer.render.passes.averaging import AveragingPass
 from pointglass.viewer.render.renderer import Renderer
 
 AT_EDGES = 2e-3
@@ -95,3 +98,26 @@ def test_sparse_points_of_a_noisy_scan_are_averaged_as_by_the_reference(context,
         weights[overall] = packed[..., 3].astype(float)
     assert (weights[0.045] == weights[0.01]).all(), "of this noise only the picture that is shown is averaged"
     assert (weights[0.06] <= weights[0.01]).all() and (weights[0.06].sum() < weights[0.01].sum() or not wanted.mask.any())
+
+
+@pytest.mark.parametrize("by", [FOR_PICTURE, FOR_NETWORK])
+def test_averaging_in_loops_gives_the_weights_of_the_passes(context, seed, by):
+    """On surfaces with steps, of random density, up to borders that cut blocks."""
+    random = np.random.default_rng(seed)
+    width, height = int(random.integers(90, 200)), int(random.integers(50, 150))
+    across = np.arange(width * height) % width / width
+    kept = random.random(width * height) < np.select([across < 0.5, across < 0.8], [0.03, 0.4], 0.0)
+    weights = np.where(kept, random.choice([0.25, 0.5, 1.0], width * height), 0.0).astype(np.float32)
+    rough = random.choice([0.0, 0.05, 1.0], width * height) + 0.01 * random.normal(size=width * height)
+    depths = np.exp(rough).astype(np.float32)
+    depths[~kept] = np.inf
+    levels = random.uniform(0, 3, width * height).astype(np.float32)
+    step, scale = AveragingPass(Programs(context), (width, height)), float(random.uniform(0.1, 10))
+    textures = [context.texture((width, height), 1, values.tobytes(), dtype="f4") for values in (weights, levels, depths)]
+    step.run(*textures, scale, by)
+    wanted = np.frombuffer(step.averaged.read(), np.float32)
+    made = step.run_here(weights, levels, depths, scale, by)
+    np.testing.assert_allclose(made, wanted, rtol=1e-3, atol=1e-6)
+    assert (made[kept] < weights[kept]).any() and (made <= weights).all()
+    for owned in (step, *textures):
+        owned.release()

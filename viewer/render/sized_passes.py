@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     import moderngl
 
     from ...model.appearance.noise import NoiseModel
-    from ...model.reference.fill_constants import Averaging
     from ..grid.scene import Scene
     from ..picture.camera import Camera
     from ..picture.settings import Settings
@@ -122,13 +121,11 @@ class SizedPasses:
         if network is not None:
             network.photographs = self.photos if numbers else None
 
-    def averaged(self, confidence: "moderngl.Texture", level: "moderngl.Texture", depth: "moderngl.Texture",
-                 feature_scale: float, by: "Averaging") -> "moderngl.Texture":
-        """The weight of each pixel in the fill of a noisy scan.  confidence: of :meth:`fill_input`.  level: of noise_level.
-        depth, feature_scale, by: of :meth:`AveragingPass.run`."""
+    @property
+    def averaging_pass(self) -> AveragingPass:
+        """Averaging of the points of a noisy scan."""
         self.averaging = self.averaging or AveragingPass(self.programs, self.size)
-        self.averaging.run(confidence, level, depth, feature_scale, by)
-        return self.averaging.averaged
+        return self.averaging
 
     def noise_level(self, noise: "NoiseModel | None") -> NoiseLevel | None:
         """noise: of the scene.  None where it is unknown: the network's noise input is then zero."""

@@ -102,6 +102,7 @@ def test_the_network_and_its_capture_run_on_the_gpu_that_draws_whatever_their_th
     stage.context.memory_barrier = lambda: None
     stage.picture = SimpleNamespace(size=(1, 1))  # type: ignore[assignment]
     stage.bridge = object.__new__(bridge.ReadBackBridge)
+    stage.bridge.given = None
     stage.bridge.input = SimpleNamespace(read_into=lambda packed: packed.fill(9))  # type: ignore[assignment]
     stage.start(1, ended.set)
     assert ended.wait(20)

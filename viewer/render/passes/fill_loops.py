@@ -43,14 +43,23 @@ class Pyramid(NamedTuple):
 
 
 @compiled(nogil=True)
+def feature_row(depths, scale, made, more):
+    """Depth features of a row of positive depths: made (n,), ``feature`` of common_fill.glsl.  scale: 1 / (focal length in
+    pixels x point spacing).  more: scratch, (n,)."""
+    for x in range(len(made)):
+        made[x] = depths[x] * scale
+    log2_row(made, more)
+    for x in range(len(made)):
+        made[x] = min(max(made[x] * _F(DEPTH_FEATURE_SCALE), _F(-DEPTH_FEATURE_LIMIT)), _F(DEPTH_FEATURE_LIMIT))
+
+
+@compiled(nogil=True)
 def measured_row(given, y, made, line, more):
     """Row y of the picture: made (PLANES, >= width).  line, more: scratch, (width,) float32."""
     width = given.width
     colours, weights = given.colours[y * width : (y + 1) * width], given.weights[y * width : (y + 1) * width]
     depths, noisy = given.depths[y * width : (y + 1) * width], len(given.noise) > 0
-    for x in range(width):
-        line[x] = depths[x] * given.feature_scale
-    log2_row(line, more)
+    feature_row(depths, given.feature_scale, line, more)
     red, green, blue, feature, weight = made[0], made[1], made[2], made[FEATURE], made[WEIGHT]
     for x in range(width):
         word, w = colours[x], weights[x]
@@ -59,8 +68,7 @@ def measured_row(given, y, made, line, more):
         green[x] = _F(word >> _U(8) & _U(0xFF)) * _BYTE * w
         blue[x] = _F(word >> _U(16) & _U(0xFF)) * _BYTE * w
     for x in range(width):
-        value = line[x] * _F(DEPTH_FEATURE_SCALE)
-        feature[x] = min(max(value, _F(-DEPTH_FEATURE_LIMIT)), _F(DEPTH_FEATURE_LIMIT)) * weight[x]
+        feature[x] = line[x] * weight[x]
     if noisy:
         carried, noise = made[NOISE], given.noise[y * width : (y + 1) * width]
         for x in range(width):
