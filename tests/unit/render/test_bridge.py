@@ -8,6 +8,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
@@ -99,11 +100,9 @@ def test_the_network_and_its_capture_run_on_the_gpu_that_draws_whatever_their_th
     stage._on_device = on_same_device("cuda")
     Engine.device = "cpu"  # where tensors can be made
     stage._runner, stage.photographs = Engine(None, 1, 1), None  # type: ignore[assignment]
-    stage.context.memory_barrier = lambda: None
     stage.picture = SimpleNamespace(size=(1, 1))  # type: ignore[assignment]
     stage.bridge = object.__new__(bridge.ReadBackBridge)
-    stage.bridge.given = None
-    stage.bridge.input = SimpleNamespace(read_into=lambda packed: packed.fill(9))  # type: ignore[assignment]
+    stage.bridge.given = np.full((1, 1, 8), 9, np.float16)
     stage.start(1, ended.set)
     assert ended.wait(20)
     done = stage._thread.take(1)
