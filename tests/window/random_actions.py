@@ -323,7 +323,7 @@ def main(folder: Path, count: int, seed: int, scan: Path) -> None:
             give_back()
             report["counted"].append({
                 "resident": resident(), "in_use": in_use(), "objects": sys.getallocatedblocks(), **objects,
-                "error": d.app.context.error,
+                "modules": len(sys.modules), "error": d.app.context.error,
             })
     except Exception:
         session = d.session
