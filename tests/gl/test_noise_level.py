@@ -117,7 +117,7 @@ def test_averaging_in_loops_gives_the_weights_of_the_passes(context, seed, by):
     step.run(*textures, scale, by)
     wanted = np.frombuffer(step.averaged.read(), np.float32)
     made = step.run_here(weights, levels, depths, scale, by)
-    np.testing.assert_allclose(made, wanted, rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(made, wanted, rtol=1e-6)  # equal in the Mesa that the loops follow (test_drivers.py)
     assert (made[kept] < weights[kept]).any() and (made <= weights).all()
     for owned in (step, *textures):
         owned.release()

@@ -35,6 +35,7 @@ class Told:
 
     def __init__(self, scan):
         self.view_settings = SimpleNamespace(
+            give_photographs=lambda renderer: None,
             settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",), background="plain",
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))

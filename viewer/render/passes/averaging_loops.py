@@ -1,4 +1,5 @@
-"""Averaging in sparse places in compiled loops: the same operations as shaders/averaging.comp, in float32.
+"""Averaging in sparse places in compiled loops: the same operations as shaders/averaging.comp in software OpenGL, in the same
+order and in float32.
 
 Rows ``first`` to ``last`` are written, so that threads can share a picture.
 """
@@ -49,7 +50,7 @@ def block_rows(weights, depths, sparse, width, height, made, first, last):
 
 @compiled(nogil=True, inline="always")
 def _mix(a, b, share):
-    return a * (_F(1.0) - share) + b * share
+    return a + share * (b - a)
 
 
 @compiled(nogil=True, inline="always")
