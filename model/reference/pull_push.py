@@ -143,7 +143,9 @@ def _surroundings(kept: Tensor, feature: Tensor) -> tuple[Tensor, Tensor, Tensor
     planes = torch.stack([own, own * feature, own * feature.square(), torch.ones_like(own)])
     *sums, pixels = F.avg_pool2d(F.pad(planes, (0, -width % DENSITY_BLOCK, 0, -height % DENSITY_BLOCK)), DENSITY_BLOCK)
     whole = torch.stack(sums)[None] / pixels
-    around = F.interpolate(whole, scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)[0, :, :height, :width]
+    # plane by plane: of several at once, the last bits depend on the number of torch's threads
+    around = [F.interpolate(plane[None, None], scale_factor=DENSITY_BLOCK, mode="bilinear", align_corners=False)
+              [0, 0, :height, :width] for plane in whole[0]]  # fmt: skip
     density = around[0]
-    mean, square = around[1:] / density.clamp_min(1e-6)
+    mean, square = (plane / density.clamp_min(1e-6) for plane in around[1:])
     return density, mean, (square - mean.square()).clamp_min(0.0).sqrt()
