@@ -72,7 +72,7 @@ class Renderer:
         self._programs = Programs(context)
         self._sizes = KeptPasses(self._programs, self.device.texture_limit, kept_sizes)
         self._culler = Culler(scene)
-        self._enclosure = Enclosure(scene, beside=True)
+        self._enclosure = Enclosure(scene)
         self._scanner_positions = ScannerPositions(scene)
         self._make_pages = partial(PointPages, context, scene, self.device.storage_limit, software=self.device.software,
                                    read_ahead=memory.read_ahead, wake=wake)

@@ -13,7 +13,6 @@ decide the rest (model/reference/hole_test.py, viewer/render/culling/occupancy.p
 World axes, z up, no OpenGL.
 """
 
-import threading
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -126,28 +125,13 @@ class Directions:
 class Enclosure:
     """A sample of a scene's points, and the directions that they close around any position.
 
-    beside: the sample is taken on a thread of its own, and the first question waits for it, and raises what went wrong.
+    The sample is taken here and not on a thread: points lie in mapped files, and a thread that still reads where a file is
+    cut off meanwhile ends the process (SIGBUS).
     """
 
-    def __init__(self, scene: "Scene", *, beside: bool = False):
+    def __init__(self, scene: "Scene"):
         self._scene = scene
         self._occupancy: Occupancy | None = None
-        self._error: BaseException | None = None
-        self._thread: threading.Thread | None = None
-        if beside:
-            self._thread = threading.Thread(target=self._prepare_beside, name="pointglass directions", daemon=True)
-            self._thread.start()
-        else:
-            self._prepare()
-
-    def _prepare_beside(self) -> None:
-        try:
-            self._prepare()
-        except BaseException as error:  # raised again on the thread that asks
-            self._error = error
-
-    def _prepare(self) -> None:
-        scene = self._scene
         coords = np.asarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
         shift, starts = 0, np.arange(len(coords))
         while len(starts) > _SAMPLES:
@@ -180,21 +164,12 @@ class Enclosure:
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, the state of each direction from ``position`` (3,)."""
-        self._wait()
         return self._look(position)[0]
 
     def around(self, position: np.ndarray) -> Directions:
         """The state of the directions from ``position`` (3,), and outdoors the scan's surfaces."""
-        self._wait()
         closed, outdoors = self._look(position)
         return Directions(closed, self.occupancy if outdoors else None)
-
-    def _wait(self) -> None:
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-        if self._error is not None:
-            raise self._error
 
     def _look(self, position: np.ndarray) -> tuple[np.ndarray, bool]:
         """The state of each direction; whether the position is outdoors."""
