@@ -44,3 +44,34 @@ def _multiply_add() -> Any:
 
 multiply_add = Operation(_multiply_add)
 """(a, b, c), float32: a * b + c, rounded once, as software OpenGL computes the polynomials of its logarithms."""
+
+
+def _prefetch() -> Any:
+    from llvmlite import ir
+    from numba.core import cgutils, types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def operation(typingctx, array, index):
+        def generate(context, builder, signature, arguments):
+            kind, word = signature.args[0], ir.IntType(32)
+            made = context.make_array(kind)(context, builder, arguments[0])
+            place = cgutils.get_item_pointer(context, builder, kind, made, [arguments[1]], wraparound=False)
+            place = builder.bitcast(place, ir.IntType(8).as_pointer())
+            hint = ir.FunctionType(ir.VoidType(), [place.type, word, word, word])
+            called = cgutils.get_or_insert_function(builder.module, hint, f"llvm.prefetch.p0{_named(place.type)}")
+            builder.call(called, [place, word(0), word(3), word(1)])  # to read, into every cache, data
+            return context.get_dummy_value()
+
+        return types.none(array, types.intp), generate
+
+    return operation
+
+
+def _named(pointer: Any) -> str:
+    """Of a pointer's type in the name of LLVM's function: opaque pointers have none."""
+    return "" if getattr(pointer, "is_opaque", False) else "i8"
+
+
+prefetch = Operation(_prefetch)
+"""(array, index): begins to load the cache line of an element, which is not checked; changes nothing."""

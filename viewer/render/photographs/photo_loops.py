@@ -29,6 +29,7 @@ from .photo_tile_loops import (
     SLOT_PLANES,
     SPACING,
     SURE,
+    TEXEL_PLANES,
     TILE,
     VIEW_X,
     VIEW_Y,
@@ -38,6 +39,7 @@ from .photo_tile_loops import (
     Z,
     among_best,
     could_improve,
+    locate,
     orient,
     project,
     rank,
@@ -156,8 +158,9 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
     ranges, texels, most = pool.view(np.float32), pool.view(np.int32), len(numbers)
     found, taken, bounds = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.float32)
     s, slots = np.zeros(PLANES * PLANE, np.float32), np.zeros((max(most, MOST) + 1, SLOT_PLANES * PLANE), np.float32)
-    best, words = np.zeros((MOST, SLOT_PLANES * PLANE), np.float32), np.zeros(WORD_PLANES * PLANE, np.int32)
-    around = np.zeros(3 * SURROUNDINGS, np.float32)
+    best, words = np.zeros((MOST, SLOT_PLANES * PLANE), np.float32), np.zeros((len(slots), WORD_PLANES * PLANE), np.int32)
+    around, four = np.zeros(3 * SURROUNDINGS, np.float32), np.zeros(TEXEL_PLANES * PLANE, np.int32)
+    sampled = np.empty(most, np.int64)
     for top in range(first * TILE, min(last * TILE, height), TILE):
         for left in range(0, width, TILE):
             if not surface(depth, grid, lens, top, left, around, s):
@@ -175,18 +178,23 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
                 if used >= MOST and not could_improve(s, bounds[k]):
                     break
                 photo, kept = found[k], slots[used]
-                project(s, numbers[photo], places[photo], kept, words)
-                if weigh(s, numbers[photo], places[photo], lens[0], kept, words, ranges) == 0:
+                project(s, numbers[photo], places[photo], kept, words[used])
+                if weigh(s, numbers[photo], places[photo], lens[0], kept, words[used], ranges) == 0:
                     continue
                 rank(s, kept, used)
                 taken[used] = photo
                 used += 1
             if used == 0:
                 continue
+            count = 0
             for slot in range(used):
                 if used <= MOST or among_best(s, slot):
-                    photo = taken[slot]
-                    sample(numbers[photo], places[photo], slots[slot], words, texels)
+                    locate(places[taken[slot]], slots[slot], words[slot], texels)
+                    sampled[count] = slot
+                    count += 1
+            for k in range(count):  # by now their texels are in the cache
+                slot = sampled[k]
+                sample(numbers[taken[slot]], slots[slot], words[slot], four, texels)
             _unpack(filled, top, left, s)
             if used > MOST:
                 ranked(s, slots, best)

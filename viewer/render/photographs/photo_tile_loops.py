@@ -6,6 +6,7 @@ distance between what is read and what is written that the compiler knows.  View
 
 import numpy as np
 
+from ....model.common.intrinsics import prefetch
 from ....model.common.jit import compiled
 from ....model.reference.photo_colours import (
     AGREES,
@@ -52,10 +53,12 @@ COLUMN, ROW, FOOTPRINT, CONFIDENCE, WEIGHT, SEEN_RED, SEEN_GREEN, SEEN_BLUE, RIG
 """Planes of a slot: of one photograph in a tile.  COLUMN: -1 where it does not show the pixel.  SEEN_RED: -1 where a texel
 holds nothing.  RIGHT, BELOW: shares of the texels to the right and below."""
 SLOT_PLANES = 10
-TEXEL, ASIDE, UNDER, FIRST, SECOND, THIRD, FOURTH = (PLANE * k for k in range(7))
-"""Planes of whole numbers: the word of the texel (of the shadow map, then of the photograph), words to the texels beside and
-below it, and the four texels."""
-WORD_PLANES = 7
+TEXEL, ASIDE, UNDER = (PLANE * k for k in range(3))
+"""Whole numbers of a slot: the word of the texel (of the shadow map, then of the photograph), words to those beside and below
+it."""
+WORD_PLANES = 3
+FIRST, SECOND, THIRD, FOURTH = (PLANE * k for k in range(4))
+TEXEL_PLANES = 4
 _F = np.float32
 _ANYWHERE = 1e9  # pixels from a side that a photograph does not have
 _WHOLE = -0x1000000  # alpha 255 in the highest byte
@@ -202,9 +205,9 @@ def among_best(s, slot):
 
 
 @compiled(nogil=True)
-def sample(num, whole, kept, words, pool):
-    """Colours of a photograph, bilinear in the mip level of each pixel, times its gains.  pool: (n,) int32, the pixels of all
-    photographs."""
+def locate(whole, kept, words, pool):
+    """The texels of a photograph around each pixel in the mip level of its footprint, in ``words``, and RIGHT and BELOW in
+    ``kept``; begins to load them.  pool: (n,) int32, the pixels of all photographs."""
     for i in range(PIXELS):
         words[ASIDE + i] = words[UNDER + i] = np.int32(0)
     width, height, around = whole[WIDTH], whole[HEIGHT], whole[AROUND] != 0
@@ -219,14 +222,22 @@ def sample(num, whole, kept, words, pool):
         if finer == 0:
             break
         width, height, nearer = np.int32((width + 1) // 2), np.int32((height + 1) // 2), farther
+    for row in range(0, PIXELS, TILE):
+        for i in (0, TILE // 2, TILE - 1):  # a line of the cache holds 16 texels
+            prefetch(pool, words[TEXEL + row + i])
+
+
+@compiled(nogil=True)
+def sample(num, kept, words, texels, pool):
+    """Colours of a photograph, bilinear, times its gains.  words: of locate.  texels: working memory."""
     for i in range(PIXELS):
         upper, aside = words[TEXEL + i], words[ASIDE + i]
         lower = upper + words[UNDER + i]
-        words[FIRST + i], words[SECOND + i] = pool[upper], pool[upper + aside]
-        words[THIRD + i], words[FOURTH + i] = pool[lower], pool[lower + aside]
+        texels[FIRST + i], texels[SECOND + i] = pool[upper], pool[upper + aside]
+        texels[THIRD + i], texels[FOURTH + i] = pool[lower], pool[lower + aside]
     red, green, blue, byte = num[GAINS], num[GAINS + 1], num[GAINS + 2], np.int32(255)
     for i in range(PIXELS):
-        one, two, three, four = words[FIRST + i], words[SECOND + i], words[THIRD + i], words[FOURTH + i]
+        one, two, three, four = texels[FIRST + i], texels[SECOND + i], texels[THIRD + i], texels[FOURTH + i]
         right, below = kept[RIGHT + i], kept[BELOW + i]
         left, above = _F(1.0) - right, _F(1.0) - below
         w1, w2, w3, w4 = left * above, right * above, left * below, right * below
