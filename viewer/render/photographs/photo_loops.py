@@ -192,10 +192,10 @@ def photograph_rows(filled, depth, grid, lens, numbers, places, pool, colours, f
                     locate(places[taken[slot]], slots[slot], words[slot], texels)
                     sampled[count] = slot
                     count += 1
+            _unpack(filled, top, left, s)
             for k in range(count):  # by now their texels are in the cache
                 slot = sampled[k]
                 sample(numbers[taken[slot]], slots[slot], words[slot], four, texels)
-            _unpack(filled, top, left, s)
             if used > MOST:
                 ranked(s, slots, best)
                 vote(s, best[0], best[1], best[2])
