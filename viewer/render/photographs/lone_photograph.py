@@ -11,6 +11,7 @@ import numpy as np
 from ....model.common.jit import compiled
 from ....model.common.process.processors import in_rows
 from .photo_pool import SHIFT, TURN
+from .photo_texel_loops import TEXEL_PLANES, locate, sample
 from .photo_tile_loops import (
     COLUMN,
     CONFIDENCE,
@@ -37,7 +38,6 @@ from .photo_tile_loops import (
     Y,
     Z,
     project,
-    sample,
     weigh,
 )
 
@@ -72,13 +72,14 @@ def lone_rows(depth, lens, num, whole, pool, hides, shown, first, last):
     height, width = depth.shape
     ranges, texels = pool.view(np.float32), pool.view(np.int32)
     s, kept = np.zeros(PLANES * PLANE, np.float32), np.zeros(SLOT_PLANES * PLANE, np.float32)
-    words = np.zeros(WORD_PLANES * PLANE, np.int32)
+    words, four = np.zeros(WORD_PLANES * PLANE, np.int32), np.zeros(TEXEL_PLANES * PLANE, np.int32)
     for top in range(first * TILE, min(last * TILE, height), TILE):
         for left in range(0, width, TILE):
             _surface(depth, lens, num, top, left, s)
             project(s, num, whole, kept, words)
             weigh(s, num, whole, lens[0], kept, words, ranges)
-            sample(num, whole, kept, words, texels)
+            locate(whole, kept, words, texels)
+            sample(num, kept, words, four, texels)
             for j in range(min(TILE, height - top)):
                 for i in range(min(TILE, width - left)):
                     k = TILE * j + i

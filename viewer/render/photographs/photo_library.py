@@ -103,21 +103,30 @@ class PhotoLibrary:
         """The photographs that show best what the camera sees, at most IN_REACH, in the order of their numbers."""
         if self._chosen is not None and self._chosen[0] == camera.key:
             return self._chosen[1]
-        eye = camera.position - self._sampled().origin
-        ray = self._places - eye
-        x, y, z = camera.view_rotation.astype(np.float32) @ ray.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-            inside = np.flatnonzero((z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height))
-        inside = inside[:PLACES]
-        rays = ray[inside].astype(np.float64)
-        rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
+        places, rays = self._in_view(camera)
         votes = np.zeros(len(self.photographs))
-        count_votes(self._places[inside].astype(np.float64), rays, votes, *self._geometry)
+        count_votes(places, rays, votes, *self._geometry)
         most = min(IN_REACH, self.pool.count)
         best = [int(k) for k in np.argsort(-votes, kind="stable")[:most] if votes[k] > LEAST_VOTES * votes.sum()]
         self._chosen = camera.key, sorted(best)
         return self._chosen[1]
+
+    def _in_view(self, camera: "Camera") -> tuple[np.ndarray, np.ndarray]:
+        """The first PLACES of the places that lie in the view, and the unit rays to them, (n, 3) float64 each."""
+        eye, rotation = camera.position - self._sampled().origin, camera.view_rotation.astype(np.float32)
+        found: list[np.ndarray] = []
+        for first in range(0, len(self._places), 4 * PLACES):  # mostly a few parts hold enough
+            part = self._places[first : first + 4 * PLACES]
+            x, y, z = rotation @ (part - eye).T
+            with np.errstate(divide="ignore", invalid="ignore"):
+                u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+                found.append(part[(z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)])
+            if sum(map(len, found)) >= PLACES:
+                break
+        places = np.concatenate([self._places[:0], *found])[:PLACES]
+        rays = (places - eye).astype(np.float64)
+        rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
+        return places.astype(np.float64), rays
 
     def ready(self, camera: "Camera", *, wait: bool) -> list[int]:
         """Numbers of the photographs in reach that are in the pool now.  wait: for all of them; else a thread prepares them,

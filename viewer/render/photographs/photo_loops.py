@@ -12,6 +12,7 @@ from ....model.common.jit import compiled
 from ....model.reference.photo_colours import COARSE, GRAZING, LEAST_ANGLE, MOST, PINHOLE
 from .photo_pool import HEIGHT, KIND, LENS, SHIFT, TURN, WIDTH
 from .photo_surface_loops import SURROUNDINGS, surface
+from .photo_texel_loops import TEXEL_PLANES, locate, sample
 from .photo_tile_loops import (
     BLUE,
     GREEN,
@@ -29,7 +30,6 @@ from .photo_tile_loops import (
     SLOT_PLANES,
     SPACING,
     SURE,
-    TEXEL_PLANES,
     TILE,
     VIEW_X,
     VIEW_Y,
@@ -39,12 +39,10 @@ from .photo_tile_loops import (
     Z,
     among_best,
     could_improve,
-    locate,
     orient,
     project,
     rank,
     ranked,
-    sample,
     vote,
     weigh,
 )

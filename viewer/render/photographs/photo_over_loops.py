@@ -45,14 +45,15 @@ def over_rows(filled, colours, sums, made, share, first, last):
     the middles of rows of blocks, ``first`` to ``last`` of them."""
     height, width = filled.shape
     rows, columns, byte, half = sums.shape[0], sums.shape[1], np.int32(255), _F(0.5)
-    alike, counts = np.empty(columns + 1, np.bool_), np.ones(width, np.float32)
+    alike, around = np.empty(columns + 1, np.bool_), np.ones((columns + 1) * BLOCK, np.float32)
+    counts = around[BLOCK // 2 : BLOCK // 2 + width]
     for row in range(first, last):  # blocks row - 1 and row
         upper, lower, all_alike = sums[max(row - 1, 0)], sums[min(row, rows - 1)], True
         for column in range(columns + 1):
             one, two = max(column - 1, 0), min(column, columns - 1)
             alike[column] = _agrees(upper[one]) and _agrees(upper[two]) and _agrees(lower[one]) and _agrees(lower[two])
             all_alike &= alike[column]
-        counts[:] = _F(1.0)
+        around[:] = _F(1.0)
         for y in range(max(row * BLOCK - BLOCK // 2, 0), min(row * BLOCK + BLOCK // 2, height)):
             if not all_alike:
                 down = (_F(y - row * BLOCK + BLOCK // 2) + half) * _F(1.0 / BLOCK)
@@ -60,9 +61,8 @@ def over_rows(filled, colours, sums, made, share, first, last):
                     if alike[column]:
                         continue
                     one, two = max(column - 1, 0), min(column, columns - 1)
-                    for x in range(max(column * BLOCK - BLOCK // 2, 0), min(column * BLOCK + BLOCK // 2, width)):
-                        along = (_F(x - column * BLOCK + BLOCK // 2) + half) * _F(1.0 / BLOCK)
-                        counts[x] = _uncontradicted(upper[one], upper[two], lower[one], lower[two], along, down)
+                    part = around[column * BLOCK : column * BLOCK + BLOCK]
+                    _between(upper[one], upper[two], lower[one], lower[two], down, part)
             above, below, out, parts = colours[y], filled[y], made[y], share[y]
             for x in range(width):
                 photo, under = np.int32(above[x]), np.int32(below[x])
@@ -83,11 +83,17 @@ def _agrees(cell):
     return max(max(abs(cell[0]), abs(cell[1])), abs(cell[2])) <= _F(CONTRADICTED[0]) * cell[3]
 
 
-@compiled(nogil=True, inline="always")
-def _uncontradicted(one, two, three, four, along, down):
-    w1, w2, w3, w4 = (_F(1.0) - along) * (_F(1.0) - down), along * (_F(1.0) - down), (_F(1.0) - along) * down, along * down
-    worst, total = _F(0.0), w1 * one[3] + w2 * two[3] + w3 * three[3] + w4 * four[3]
-    for k in range(3):
-        worst = max(worst, abs(w1 * one[k] + w2 * two[k] + w3 * three[k] + w4 * four[k]))
-    apart = worst / max(total, _F(1e-6))
-    return min(max((_F(CONTRADICTED[1]) - apart) * _F(1.0 / (CONTRADICTED[1] - CONTRADICTED[0])), _F(0.0)), _F(1.0))
+@compiled(nogil=True)
+def _between(one, two, three, four, down, counts):
+    """How much photographs count at the BLOCK pixels of a row between the middles of four blocks."""
+    r1, g1, b1, t1, r2, g2, b2, t2 = one[0], one[1], one[2], one[3], two[0], two[1], two[2], two[3]
+    r3, g3, b3, t3, r4, g4, b4, t4 = three[0], three[1], three[2], three[3], four[0], four[1], four[2], four[3]
+    for i in range(BLOCK):
+        along = (_F(i) + _F(0.5)) * _F(1.0 / BLOCK)
+        w1, w2, w3, w4 = (_F(1.0) - along) * (_F(1.0) - down), along * (_F(1.0) - down), (_F(1.0) - along) * down, along * down
+        total = w1 * t1 + w2 * t2 + w3 * t3 + w4 * t4
+        worst = max(abs(w1 * r1 + w2 * r2 + w3 * r3 + w4 * r4), abs(w1 * g1 + w2 * g2 + w3 * g3 + w4 * g4))
+        worst = max(worst, abs(w1 * b1 + w2 * b2 + w3 * b3 + w4 * b4))
+        apart = worst / max(total, _F(1e-6))
+        share = (_F(CONTRADICTED[1]) - apart) * _F(1.0 / (CONTRADICTED[1] - CONTRADICTED[0]))
+        counts[i] = min(max(share, _F(0.0)), _F(1.0))
