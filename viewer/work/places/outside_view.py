@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .small_picture import PictureSample, picture_sample, score
 from .standing_place import FIELD_OF_VIEW, Sampled, overview_position, view_axes
 
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
@@ -70,41 +71,38 @@ def framed_position(seen: Sampled, aspect: float, direction: np.ndarray, points:
     return (seen.low + seen.high) / 2 + axes @ np.array([x, y, distance])
 
 
+def outside_sample(seen: Sampled) -> PictureSample:
+    """A few thousand points of ``seen`` for small pictures.  The spacing of the sample follows from the distance between
+    nearest neighbours, half a spacing where points are random."""
+    from scipy.spatial import KDTree
+
+    some = slice(None, None, max(1, len(seen.points) // _FEW))
+    points = seen.points[some]
+    near = np.median(KDTree(points).query(points, 2)[0][:, 1]) if len(points) > 1 else 0.0
+    apart = max(2.0 * float(near), seen.spacing)
+    return picture_sample(points, seen.level[some], (seen.spacing / apart) ** 2, seen.spacing, seen.metre)
+
+
 def outside_view(seen: Sampled, aspect: float) -> View:
-    """Position and direction: the whole scan, or its core where the rest is thin and far, from the side from which most of it
-    is seen and lit."""
+    """Position and direction: the whole scan, or its core where the rest is thin and far, from the side that gives the best
+    picture (viewer.work.places.small_picture) and fills it.
+
+    The share of the points that are in front and lit chose the open end of a thinned house, from where walls are seen edge on
+    (street_corner.laz, one in ten points), and chooses nearly the same sides of a statue, of pumps and of an aerial tile.
+    """
     seen = framed_range(seen)
     extent = seen.high - seen.low
     flat = extent[2] < FLAT * max(float(extent[:2].max()), 1e-300)
     best: tuple[float, View | None] = (-1.0, None)
-    points = inner_points(seen)
+    points, sample = inner_points(seen), outside_sample(seen)
     for pitch in _PITCHES["tile" if flat else "object"]:
         for number in range(_OUTSIDE):
             yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
             direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
             view = framed_position(seen, aspect, direction, points), direction
-            value = lit_in_front(seen, view, aspect)
+            picture = score(sample, *view, aspect)
+            value = picture.worth * picture.covered**0.5
             if value > best[0] + 1e-9:
                 best = value, view
     assert best[1] is not None
     return best[1]
-
-
-def lit_in_front(seen: Sampled, view: View, aspect: float) -> float:
-    """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
-    picture that they cover."""
-    some = slice(None, None, max(1, len(seen.points) // _FEW))
-    points, lit = seen.points[some], (seen.level > 0)[some]
-    looked = (points - view[0]) @ view_axes(view[1])
-    depth, tall = -looked[:, 2], np.tan(np.radians(FIELD_OF_VIEW) / 2)
-    rows, columns = 45, round(45 * aspect)
-    near = np.maximum(depth, 1e-9)
-    column = np.clip((looked[:, 0] / (near * tall * aspect) + 1) / 2 * columns, -1, columns).astype(int)
-    row = np.clip((1 - looked[:, 1] / (near * tall)) / 2 * rows, -1, rows).astype(int)
-    ahead = (depth > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    at = row[ahead] * columns + column[ahead]
-    nearest = np.full(rows * columns, np.inf)
-    np.minimum.at(nearest, at, depth[ahead])
-    reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
-    front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
-    return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..outside_view import FLAT, framed_position, inner_points, lit_in_front, outside_view
-from ..standing_place import Sampled
+from ..outside_view import FLAT, framed_position, inner_points, outside_view
+from ..standing_place import FIELD_OF_VIEW, Sampled, view_axes
 from .covering_places import evenly_thinned, ground_around, sight
 
 _HEIGHT = 80.0
@@ -40,6 +40,8 @@ _STEEP = np.radians(-58.0)
 """Pitch of the place from above."""
 _WORTH = 0.4
 """Share of what is seen from the best side from which on a side is worth a place."""
+_DECIDE = 8_000
+"""Points by which the sides of a thing are compared."""
 _RING = 0.2
 """Of the distance to the thing: how far below the eye of a place around it its mark is drawn."""
 
@@ -128,7 +130,27 @@ def _around(level: Sampled, most: int) -> list[OutsidePlace]:
     for turn, slope in turns:
         direction = np.array([np.cos(turn) * np.cos(slope), np.sin(turn) * np.cos(slope), np.sin(slope)])
         views.append((framed_position(level, aspect, direction, points), direction))
-    worth = [lit_in_front(level, view, aspect) for view in views]
+    worth = [_lit_in_front(level, view, aspect) for view in views]
     middle = (level.low + level.high) / 2
     return [OutsidePlace(position, direction, _RING * float(np.linalg.norm(middle - position)), around=True)
             for (position, direction), value in zip(views, worth, strict=True) if value >= _WORTH * worth[0]]
+
+
+def _lit_in_front(seen: Sampled, view: tuple[np.ndarray, np.ndarray], aspect: float) -> float:
+    """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
+    picture that they cover."""
+    some = slice(None, None, max(1, len(seen.points) // _DECIDE))
+    points, lit = seen.points[some], (seen.level > 0)[some]
+    looked = (points - view[0]) @ view_axes(view[1])
+    depth, tall = -looked[:, 2], np.tan(np.radians(FIELD_OF_VIEW) / 2)
+    rows, columns = 45, round(45 * aspect)
+    near = np.maximum(depth, 1e-9)
+    column = np.clip((looked[:, 0] / (near * tall * aspect) + 1) / 2 * columns, -1, columns).astype(int)
+    row = np.clip((1 - looked[:, 1] / (near * tall)) / 2 * rows, -1, rows).astype(int)
+    ahead = (depth > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    at = row[ahead] * columns + column[ahead]
+    nearest = np.full(rows * columns, np.inf)
+    np.minimum.at(nearest, at, depth[ahead])
+    reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
+    front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
+    return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5
