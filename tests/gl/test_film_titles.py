@@ -1,4 +1,4 @@
-"""Titles over films: by the command line as a subprocess, in any letters that a font has, with the same bytes when resumed."""
+"""Titles over films: by the command line, in any letters that a font has, with the same bytes when resumed."""
 
 import os
 import signal
@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from command_line import run_here
 from dated_scans import dates_in_colour
 from PIL import Image
 
@@ -44,7 +45,7 @@ def frames(folder):
 def test_titles_of_a_path_are_drawn_when_they_are_to_be_seen_and_only_there(place, tmp_path):
     scan, path = place
     for name, camera_path in (("titled", path), ("plain", path.with_name("plain.json"))):
-        done = run("video", scan, "--path", camera_path, "--out", tmp_path / name, "--view", "raw")
+        done = run_here("video", scan, "--path", camera_path, "--out", tmp_path / name, "--view", "raw")
         assert done.returncode == 0, done.stderr
     changed = [np.abs(one - other).max(axis=2) for one, other in
                zip(frames(tmp_path / "titled"), frames(tmp_path / "plain"), strict=True)]
@@ -69,7 +70,7 @@ def test_titles_of_the_command_line_replace_those_of_the_path_and_letters_withou
                          ("--title", "a", "--title-seconds", "-1", "0.1 to 600 seconds")):
         words = [*map(str, (*line[:6], "--out", tmp_path / "none")), *wrong]
         assert main(words) == 2 and said in capsys.readouterr().err
-    if run(*line, "--out", tmp_path / "some").returncode == 0:  # a font with these letters is here
+    if run_here(*line, "--out", tmp_path / "some").returncode == 0:  # a font with these letters is here
         first = frames(tmp_path / "some")[15]
         assert (first.min(axis=2) > 200).sum() > 100, "white letters"
 
@@ -89,7 +90,7 @@ def test_a_titled_video_that_was_killed_has_the_bytes_of_one_that_was_not_also_f
         time.sleep(0.005)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    done = run(*line("film.mp4", "--resume"))
+    done = run_here(*line("film.mp4", "--resume"))
     assert done.returncode == 0 and " kept" in done.stdout, done.stderr
     shared = run(*line("shared.mp4", "--workers", "2"))
     assert shared.returncode == 0, shared.stderr

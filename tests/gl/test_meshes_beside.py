@@ -1,14 +1,12 @@
-"""Meshes as arguments of `video` and `publish`, by the command line as a subprocess; a comparison that is left out is told."""
+"""Meshes as arguments of `video` and `publish`, by the command line; a comparison that is left out is told."""
 
 import base64
 import io
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import trimesh
+from command_line import run_here
 from PIL import Image
 from test_publish import EYE, OFFSET, SIZE, room, value_of
 
@@ -24,11 +22,6 @@ from pointglass.viewer.work.viewpoint import Viewpoint
 
 CENTRE, SIDE = np.array([4.6, 1.7, 1.5]), 0.6
 """Of a red box in the room, in front of the eye."""
-
-
-def run(*line):
-    return subprocess.run([sys.executable, "-m", "pointglass.viewer", *map(str, line)], capture_output=True, text=True,
-                          timeout=400, env=os.environ.copy())
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +44,16 @@ def test_a_film_shows_a_mesh_also_from_workers_and_notices_that_it_changed(place
     keys = [from_fov(160, 120, 60, look_at(EYE + OFFSET + (x, 0, 0), CENTRE + OFFSET), f"{x}") for x in (0.0, 0.5)]
     write_camera_path(tmp_path / "path.json", keys, fps=10, seconds=0.3)
     line = ("video", scan, mesh, "--path", tmp_path / "path.json", "--view", "raw", "--out")
-    done = run(*line, tmp_path / "one")
+    done = run_here(*line, tmp_path / "one")
     assert done.returncode == 0 and "12 triangles" in done.stderr, done.stderr
     frames = sorted((tmp_path / "one").glob("*.png"))
     assert len(frames) == 3 and all(reddish(np.asarray(Image.open(frame), int))[55:65, 75:85].all() for frame in frames)
-    shared = run(*line, tmp_path / "shared", "--workers", "2")
+    shared = run_here(*line, tmp_path / "shared", "--workers", "2")
     assert shared.returncode == 0, shared.stderr
     assert all((tmp_path / "shared" / frame.name).read_bytes() == frame.read_bytes() for frame in frames)
     other = tmp_path / "box.ply"
     trimesh.creation.icosphere(1).export(other)
-    refused = run("video", scan, other, *line[3:], tmp_path / "one", "--resume")
+    refused = run_here("video", scan, other, *line[3:], tmp_path / "one", "--resume")
     assert refused.returncode == 2 and "made with another alterations" in refused.stderr
 
 
@@ -71,13 +64,13 @@ def test_a_mesh_in_a_publication_has_depth_and_is_not_measured_and_a_comparison_
     write_project(project, Document(scans=(ScanFile(str(scan)),), viewpoints=(view,), meshes=(MeshLayer(str(mesh)),),
                                     comparison=DateComparison(("room.laz", 200_000), ("room.laz", 200_000))))
     line = "publish", project, "--out", tmp_path / "site", "--view", "filled", "--places", "viewpoints"
-    refused = run(*line)  # its second scan is not open
+    refused = run_here(*line)  # its second scan is not open
     assert refused.returncode == 2 and "cannot be shown" in refused.stderr and "--second raw" in refused.stderr
-    done = run(*line, "--second", "raw")
+    done = run_here(*line, "--second", "raw")
     assert done.returncode == 0, done.stderr
     assert "comparison" in done.stderr and "not part of this publication" in done.stderr
     check_depth(tmp_path / "site")
-    by_argument = run("publish", scan, mesh, "--out", tmp_path / "argument", "--view", "filled", "--places", "1")
+    by_argument = run_here("publish", scan, mesh, "--out", tmp_path / "argument", "--view", "filled", "--places", "1")
     assert by_argument.returncode == 0 and "12 triangles" in by_argument.stderr, by_argument.stderr
     pictures = value_of(tmp_path / "argument" / "places" / "000.first.js")["pictures"]
     shown = [np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))).convert("RGB"), int) for picture in pictures]

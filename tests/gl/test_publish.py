@@ -16,6 +16,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+from command_line import run_here, run_in_a_process
 from PIL import Image
 
 from pointglass.viewer.commands.publishing.coming_files import alone
@@ -90,9 +91,8 @@ def photograph(path):
     Image.fromarray(half).save(path, exif=exif, comment=b"at home")
 
 
-def publish(*arguments, **options):
-    line = [sys.executable, "-m", "pointglass.viewer", "publish", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=300, **options)
+def publish(*arguments):
+    return run_here("publish", *arguments)
 
 
 def value_of(file):
@@ -106,7 +106,7 @@ def published(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scans of anna")
     scan = project(folder, room(folder / "room.laz", 5))
     out = folder / "site"
-    done = publish(scan, "--out", out, "--view", "filled", "--at", "viewpoints", "--title", HOSTILE)
+    done = run_in_a_process("publish", scan, "--out", out, "--view", "filled", "--at", "viewpoints", "--title", HOSTILE)
     assert done.returncode == 0, done.stderr
     return out, scan, done.stdout + done.stderr
 
@@ -283,7 +283,7 @@ def test_a_second_publication_into_one_folder_is_refused_while_the_first_runs(pu
     _, scan, _ = published
     (tmp_path / "site").mkdir()
     with alone(tmp_path / "site"):
-        done = publish(scan, "--out", tmp_path / "site", "--view", "filled", "--at", "1")
+        done = run_in_a_process("publish", scan, "--out", tmp_path / "site", "--view", "filled", "--at", "1")
     assert done.returncode == 2 and done.stderr.splitlines()[-1].count("another publication is being written") == 1
     assert not list((tmp_path / "site").iterdir())
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+from command_line import run_here
 from dated_scans import dates_in_colour
 
 from pointglass.viewer.commands.film.resumed_video import frames_beside
@@ -19,11 +20,12 @@ def test_a_video_that_was_killed_goes_on_with_the_same_line(tmp_path, seed):
     write_camera_path(path, [from_fov(320, 240, 70, look_at((x, -1.0, 2.5), (2.0, 2.0, 1.0)), f"{x}") for x in (0.5, 3.5)])
 
     def line(out):
-        return [sys.executable, "-m", "pointglass.viewer", "video", scan, "--path", path, "--out", out, "--view", "filled",
-                "--seconds", str(FRAMES / 10), "--fps", "10", "--resume"]
+        return ["video", str(scan), "--path", str(path), "--out", str(out), "--view", "filled", "--seconds", str(FRAMES / 10),
+                "--fps", "10", "--resume"]
 
     out = tmp_path / "film.mp4"
-    process = subprocess.Popen(line(out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, "-m", "pointglass.viewer", *line(out)], stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)
     end = time.monotonic() + 120
     while len(list(frames_beside(out).glob("*.png"))) < 3:
         assert process.poll() is None and time.monotonic() < end, "it ended before it could be killed"
@@ -31,13 +33,13 @@ def test_a_video_that_was_killed_goes_on_with_the_same_line(tmp_path, seed):
     process.send_signal(signal.SIGKILL)
     process.wait()
     assert not out.exists() and frames_beside(out).is_dir()
-    done = subprocess.run(line(out), capture_output=True, text=True, timeout=300)
+    done = run_here(*line(out))
     assert done.returncode == 0, done.stderr
     assert " kept" in done.stdout and not frames_beside(out).exists()
     whole = tmp_path / "whole.mp4"
     plain = [word for word in line(whole) if word != "--resume"]
-    assert subprocess.run(plain, capture_output=True, timeout=300).returncode == 0
+    assert run_here(*plain).returncode == 0
     assert out.read_bytes() == whole.read_bytes()
     other = [*line(out)[:-1], "--background", "sky", "--resume"]
-    assert subprocess.run(other, capture_output=True, timeout=300).returncode == 0, "a finished video is made anew"
+    assert run_here(*other).returncode == 0, "a finished video is made anew"
     assert out.read_bytes() != whole.read_bytes()

@@ -12,14 +12,14 @@ from test_work_is_kept import all_points, dimmed, opened, scan, waited  # noqa: 
 from pointglass.viewer.commands.film.resumed_video import frames_beside
 from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.work.cameras.camera_files import write_camera_path
-from pointglass.viewer.work.document import CameraPath, Document, FilmTitle, Keyframe, ScanFile
+from pointglass.viewer.work.document import CameraPath, Document, FilmFormat, FilmTitle, Keyframe, ScanFile
 from pointglass.viewer.work.project import read_project, write_project
 from pointglass.viewer.work.viewpoint import Viewpoint
 
 pytestmark = [pytest.mark.window, pytest.mark.timeout(900)]
 TITLE, RENDER = (1160, 411), (1123, 594)
 """Of the Film panel in a window of 1280 x 720: the field of the title, and, scrolled to the end, the button."""
-SECONDS, RATE = 0.125, 24.0
+SECONDS, RATE, SIZE = 0.125, 24.0, (1280, 720)
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +51,10 @@ def begin_film(window) -> None:
 
 def test_a_typed_title_is_saved_and_a_film_that_was_killed_is_gone_on_with(display, scan):  # noqa: F811
     project, out = scan.with_suffix(".pointglass"), scan.with_name("room.mp4")
-    cameras = [from_fov(1920, 1080, 60, look_at((2.0 + n, 3.0, 1.5), (6.0, 3.0, 1.2)), f"key_{n:03d}") for n in range(2)]
+    cameras = [from_fov(*SIZE, 60, look_at((2.0 + n, 3.0, 1.5), (6.0, 3.0, 1.2)), f"key_{n:03d}") for n in range(2)]
     keys = tuple(Keyframe(SECONDS * n, Viewpoint.of(camera, f"Key {n}")) for n, camera in enumerate(cameras))
-    write_project(project, Document(scans=(ScanFile(str(scan)),), path=CameraPath(keys, fps=RATE)))
+    film = CameraPath(keys, fps=RATE, format=FilmFormat(size=SIZE))
+    write_project(project, Document(scans=(ScanFile(str(scan)),), path=film))
     window = opened(display, scan, "view", project)
     all_points(scan, window)
     window.keys("k")

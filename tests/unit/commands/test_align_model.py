@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from cloud_files import write_ply
+from command_line import run_here
 from swept_room import PLACES, sweep
 from test_align import pairs_file
 
@@ -47,5 +48,5 @@ def test_a_model_is_aligned_by_pairs_and_by_its_triangles_and_the_project_shows_
     away = np.linalg.norm(np.sort(placed, axis=0) - np.sort(inner, axis=0), axis=1)
     assert away.max() < 0.001, "half of the noise, at corners 3 m away"
     assert len(document.scans) == 1
-    refused = subprocess.run(list(map(str, [*command[:4], scan, tmp_path / "room.obj"])), capture_output=True, text=True)
+    refused = run_here("align", scan, tmp_path / "room.obj")
     assert refused.returncode == 2 and "give the mesh first" in refused.stderr

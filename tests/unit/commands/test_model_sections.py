@@ -1,12 +1,13 @@
 """Meshes in plans and sections: the exact cut against trimesh's, and sheets and drawings as other programs read them."""
 
-import subprocess
-import sys
+
+import contextlib
 
 import ezdxf
 import numpy as np
 import pytest
 import trimesh
+from command_line import run_here, run_in_a_process
 from PIL import Image
 from test_section import room
 
@@ -83,13 +84,14 @@ def test_plans_and_drawings_of_the_command_have_a_turned_box_with_its_own_colour
     document = Document((ScanFile(str(tmp_path / "room.xyz")),), meshes=(hidden, layer))
     write_project(tmp_path / "p.pointglass", document)
 
-    def section(*options):
-        command = [sys.executable, "-m", "pointglass.viewer", "section", *options]
-        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, cwd=tmp_path)
+    def section(*options, run=run_here):
+        with contextlib.chdir(tmp_path):
+            done = run("section", *options)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    said = section(tmp_path / "p.pointglass", "--plan", "1.2", "--thickness", "0.4", "--trace", "--out", "plan.dxf")
+    said = section(tmp_path / "p.pointglass", "--plan", "1.2", "--thickness", "0.4", "--trace", "--out", "plan.dxf",
+                   run=run_in_a_process)
     assert "1 line of model desk $1.obj, 10 " in said
     drawing = ezdxf.readfile(tmp_path / "plan.dxf")
     assert not drawing.audit().has_errors

@@ -2,14 +2,13 @@
 
 import os
 import re
-import subprocess
-import sys
 from datetime import datetime
 from html import unescape
 from pathlib import Path
 
 import numpy as np
 from cloud_files import write_las
+from command_line import run_here
 
 from pointglass.viewer.commands.publishing.overview_page import overview_page
 from pointglass.viewer.commands.publishing.places import Place
@@ -28,8 +27,7 @@ def floor(folder, name, inside, rng, number=30_000):
 
 
 def info(*arguments):
-    return subprocess.run([sys.executable, "-m", "pointglass.viewer", "info", *map(str, arguments)], cwd=ROOT, text=True,
-                          capture_output=True, check=False)
+    return run_here("info", *arguments)
 
 
 def rings_of(page: str, number: int) -> list[np.ndarray]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 from las_files import coloured_corner, coloured_las
 
 from pointglass.model.common.process.processors import usable_processors
@@ -79,7 +80,7 @@ def hidden(folder: Path) -> list[Path]:
 def pictures(scan, cameras, tmp_path_factory) -> dict[str, bytes]:
     """Those of one process; the grid is in the cache then."""
     out = tmp_path_factory.mktemp("pictures") / "out"
-    assert run("render", scan, "--cameras", cameras, "--out", out, "--view", "filled").returncode == 0
+    assert run_here("render", scan, "--cameras", cameras, "--out", out, "--view", "filled").returncode == 0
     assert len(content(out)) == FRAMES
     return content(out)
 
@@ -101,9 +102,9 @@ def test_pictures_of_workers_are_those_of_one_process(scan, cameras, pictures, t
 @pytest.mark.parametrize("name", ["a.mp4", pytest.param("frames", marks=pytest.mark.long)])
 def test_a_film_of_workers_is_that_of_one_process(scan, cameras, pictures, tmp_path, name):
     made = []
-    for number, given in enumerate([[], ["--workers", 2]]):
+    for number, (run_as, given) in enumerate([(run_here, []), (run, ["--workers", 2])]):
         (folder := tmp_path / str(number)).mkdir()
-        ended = run("video", scan, "--path", cameras, "--out", folder / name, "--view", "raw", "--seconds", 1, *given)
+        ended = run_as("video", scan, "--path", cameras, "--out", folder / name, "--view", "raw", "--seconds", 1, *given)
         assert (ended.returncode, ended.stderr) == (0, "")
         made.append(content(folder))
     assert made[0] == made[1] and len(made[0]) == (1 if name == "a.mp4" else 25)
@@ -137,9 +138,9 @@ def test_grids_of_workers_are_those_of_one_process(scan, tmp_path, each):
     whole = (folder / "b.laz").read_bytes()
     (folder / "c.laz").write_bytes(whole[: len(whole) // 2])
     found = []
-    for number, given in enumerate([[], ["--workers", 2]]):
+    for number, (run_as, given) in enumerate([(run_here, []), (run, ["--workers", 2])]):
         files = [folder] if each else sorted(folder.iterdir())
-        ended = run("convert", *files, "--out", tmp_path / str(number), *(["--each"] if each else []), *given)
+        ended = run_as("convert", *files, "--out", tmp_path / str(number), *(["--each"] if each else []), *given)
         assert (ended.returncode, ended.stderr.count("\n")) == ((2, 1) if each else (0, 0))
         said = ended.stderr if each else (tmp_path / str(number) / "meta.json").read_text()
         assert "c.laz" in said
@@ -155,7 +156,7 @@ def test_large_scans_are_converted_by_several_processes_without_an_option_whatev
     for name in "abc":
         file = coloured_las(folder / f"{name}.las", rng.uniform(0, 3, (300_000, 3)), rng)
         os.truncate(file, WORTH)  # zeros behind the points
-    assert run("convert", folder / "b.las", "--out", tmp_path / "alone").returncode == 0
+    assert run_here("convert", folder / "b.las", "--out", tmp_path / "alone").returncode == 0
     for fault in "kill", "interrupt":
         out = tmp_path / fault
         process = start("convert", folder, "--each", "--out", out)
@@ -239,6 +240,6 @@ def test_workers_without_the_cache_keep_no_grid_and_make_the_same_pictures(scan,
     pytest.param(["--scheduler", "tcp://127.0.0.1:1"], "--scheduler 'tcp://127.0.0.1:1': ", marks=pytest.mark.long),
 ])  # fmt: skip
 def test_what_cannot_be_distributed_is_refused(scan, cameras, tmp_path, given, said):
-    ended = run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", *given)
+    ended = run_here("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "filled", *given)
     assert ended.returncode == 2 and ended.stderr.startswith(f"pointglass: {said}") and ended.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()

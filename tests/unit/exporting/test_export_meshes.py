@@ -1,7 +1,7 @@
 """``pointglass export --meshes``: meshes at their places, as trimesh and Open3D read them; points stay points."""
 
-import subprocess
-import sys
+
+import contextlib
 
 import laspy
 import numpy as np
@@ -9,6 +9,7 @@ import open3d as o3d
 import pytest
 import trimesh
 from cloud_files import write_las
+from command_line import run_here
 from PIL import Image
 
 from pointglass.viewer.common.rigid_transform import moved_points, rigid, rotation_about
@@ -20,8 +21,8 @@ FAR = np.array([500_000.0, 5_400_000.0, 300.0])
 
 
 def export(folder, *options, code=0):
-    command = [sys.executable, "-m", "pointglass.viewer", "export", *options]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, cwd=folder)
+    with contextlib.chdir(folder):
+        done = run_here("export", *options)
     assert done.returncode == code, done.stderr
     return done
 

@@ -3,11 +3,10 @@
 import gzip
 import json
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pointglass.viewer.commands.exporting.command import export
 from pointglass.viewer.commands.exporting.formats.splat_spz import fraction_bits, packed_quaternions
@@ -43,11 +42,6 @@ def scan(tmp_path_factory):
     las.red, las.green, las.blue = np.where(red, 60_000, 10_000), np.where(red, 10_000, 50_000), np.full(20_000, 20_000)
     las.write(file)
     return file
-
-
-def run(*arguments):
-    command = [sys.executable, "-m", "pointglass.viewer", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
 def read(file):
@@ -93,7 +87,7 @@ def read(file):
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_is_read_by_other_libraries_and_lies_on_the_scan(tmp_path, scan, name):
     out = tmp_path / name
-    done = run("export", scan, "--out", out, "--budget", "5k")
+    done = run_here("export", scan, "--out", out, "--budget", "5k")
     assert done.returncode == 0, done.stderr
     own, place, turns, rgb, opacity, scale, points = read(out)
     assert 2500 < len(own) <= 5000 and done.stdout == f"{len(own):,} splats in {out}\n"
@@ -128,7 +122,7 @@ def test_a_project_s_splats_are_of_what_is_in_sight_and_nothing_is_left_of_a_fai
     document = Document(clips=clips_of(["500000,5000000,0,500003,5000004,99"]), scans=(ScanFile(str(scan)),))
     write_project(tmp_path / "part.pointglass", document)
     out = tmp_path / "part.ply"
-    done = run("export", tmp_path / "part.pointglass", "--out", out, "--splats", "--budget", "1k")
+    done = run_here("export", tmp_path / "part.pointglass", "--out", out, "--splats", "--budget", "1k")
     assert done.returncode == 0, done.stderr
     own, place, _, rgb, *_, points = read(out)
     x = (own @ place[:, :3].T + place[:, 3])[:, 0]
@@ -141,7 +135,7 @@ def test_a_project_s_splats_are_of_what_is_in_sight_and_nothing_is_left_of_a_fai
         (("--out", tmp_path / "a.glb", "--reproject", "auto"), "splats are neither reprojected"),
         (("--out", tmp_path / "a.spz", "--clip", "0,0,0,1,1,1"), "leave no point"),
     ):
-        failed = run("export", scan, *arguments)
+        failed = run_here("export", scan, *arguments)
         assert failed.returncode == 2 and said in failed.stderr and len(failed.stderr.strip().splitlines()) == 1, failed.stderr
     assert sorted(tmp_path.iterdir()) == before
 

@@ -269,7 +269,8 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.killpg), (signal.SIGTERM, os.kill)])
+@pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill),
+                                            pytest.param(signal.SIGTERM, os.killpg, marks=pytest.mark.long)])
 def test_a_recipe_interrupted_in_its_first_place_leaves_no_files_and_prints_one_line(tmp_path, number, to):
     """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the main process."""
     line = [sys.executable, "-m", "pointglass.viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"),

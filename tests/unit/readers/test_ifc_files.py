@@ -1,10 +1,9 @@
 """IFC as a mesh: unit, placement, names of elements, georeference; and what is said where ifcopenshell is not installed."""
 
-import subprocess
-import sys
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.picture.camera import from_fov, look_at
@@ -60,9 +59,7 @@ def test_a_wall_is_read_at_its_place_in_metres_and_a_pick_says_its_name(tmp_path
 def test_a_plan_of_a_scan_and_an_ifc_file_has_the_wall_in_the_scans_unit(tmp_path, seed):
     write_ifc(tmp_path / "house.ifc")
     np.savetxt(tmp_path / "scan.xyz", np.random.default_rng(seed).uniform(0, 6, (4000, 3)), "%.4f")
-    command = [sys.executable, "-m", "pointglass.viewer", "section", tmp_path / "scan.xyz", tmp_path / "house.ifc", "--plan",
-               "1.5", "--out", tmp_path / "plan.dxf"]
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
+    done = run_here("section", tmp_path / "scan.xyz", tmp_path / "house.ifc", "--plan", "1.5", "--out", tmp_path / "plan.dxf")
     assert done.returncode == 0, done.stderr
     assert "1 line of model house.ifc, 8.6 units in all" in done.stdout and "IFC: z is up, metres" in done.stderr
 
