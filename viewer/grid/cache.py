@@ -34,7 +34,7 @@ from .building.grid_threads import processors
 from .checksum import checksum, head_checksums
 from .column_files import ColumnFiles
 from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, read_header
-from .mapped_array import LateColumn, loaded, mapped
+from .npy_column import NpyColumn, loaded
 from .records.point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, scratch
@@ -46,7 +46,7 @@ COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS = 3, 5, 2, 2, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4"),
            "records": np.dtype("<u4"), "records_high": np.dtype("u1"), "record_sums": np.dtype("<u4")}
-_COLUMNS = ("points", "records", "records_high")  # with a row for each point: memory-mapped, and checked when they are read
+_COLUMNS = ("points", "records", "records_high")  # with a row for each point: read, and checked, where they are needed
 _log = logging.getLogger(__name__)
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """Files that file managers leave in folders, which may be deleted with the folder."""
@@ -87,7 +87,7 @@ def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool
 
 def load(folder: Path, files: list[Path], *, late: bool = False) -> Scene | None:
     """The grid of ``files`` stored in ``folder``; None where there is no usable one, for which the log has the reason.
-    late: nothing of it stays open (viewer.grid.mapped_array.LateColumn): it is one of many."""
+    late: nothing of it stays open (viewer.grid.npy_column.NpyColumn): it is one of many."""
     if not folder.exists():
         return None
     try:
@@ -120,13 +120,13 @@ def load_folder(folder: Path, *, late: bool = False) -> Scene:
 def _read(folder: Path, identity: list | None, late: bool = False) -> Scene:
     """The grid in a folder.  identity: of the files that it must have been made from, None for any.  Raises DamagedGrid."""
     header = read_header(folder, identity)
-    column: Any = LateColumn if late else mapped
     beside = os.path.join(folder, "")  # paths put together by pathlib took a tenth of the time of a thousand grids
     arrays: dict[str, Any] = {}
     for name, dtype in _ARRAYS.items():
         if name in _OPTIONAL and name not in header.shapes:
             continue
-        array = (column if name in _COLUMNS else loaded)(f"{beside}{name}.npy")
+        path = f"{beside}{name}.npy"
+        array: Any = NpyColumn(path, late=late) if name in _COLUMNS else loaded(path)
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
         # in memory, so that what was checked is used even if the file changes

@@ -1,7 +1,7 @@
 """The points of some cells as arrays, for compiled loops that look at points around a place.
 
-In a scene of one grid these are the scene's own arrays, and nothing is copied.  In a scene of several grids, whose points
-are not one array, the points of the cells are read and stand together.
+In a scene in memory these are the scene's own arrays, and nothing is copied.  Of grids on disk, whose points are no array, the
+points of the cells are read and stand together.
 """
 
 from dataclasses import dataclass
@@ -32,13 +32,13 @@ class GatheredRows:
 
 
 def points_of(scene: Scene, start: int = 0, stop: int | None = None) -> np.ndarray:
-    """(stop - start, 3) uint32: the points ``start`` to ``stop`` as an array, those of several grids copied."""
+    """(stop - start, 3) uint32: the points ``start`` to ``stop`` as an array, those on disk read."""
     points = scene.points[start : scene.count if stop is None else stop]
     return points if isinstance(scene.points, np.ndarray) else _read_only(points)
 
 
 def _read_only(points: np.ndarray) -> np.ndarray:
-    """As a memory map is, for which loops have been compiled."""
+    """As points in a map are, so that loops are compiled for one kind of array (viewer.compile_kernels)."""
     points.flags.writeable = False
     return points
 

@@ -18,7 +18,6 @@ import numpy as np
 from ...model.appearance.noise import NoiseModel
 from ...model.common.jit import compiled
 from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
-from ..common.errors import InputError
 from ..preprocess.point_attributes import AttributeLayout
 from ..preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ..readers.source import Source
@@ -44,7 +43,8 @@ easting of a zone), over 1,600 extents of a scan of 100 m; half and twice separa
 class Scene:
     """Points by density layer, then by cell.
 
-    points: (N, 3) uint32 packed points, C-contiguous, possibly a memory map.
+    points: (N, 3) uint32 packed points: an array, or a column of files that is read where its rows are indexed
+        (viewer.grid.row_indexing).
     cell_coords: (C, 3) int32, cells in Morton order, relative to ``origin``.
     offsets: (L*C + 1,) int64; layer k of cell c is ``points[offsets[k*C + c]:offsets[k*C + c + 1]]``.  Layer 0 is the
         coarsest.  The layers 0..k together are a uniform random subsample for every k.
@@ -190,19 +190,9 @@ def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
     )
 
 
-def refuse_changed_file(array: np.ndarray) -> None:
-    """Raises InputError where the file behind a memory map is shorter than the map: reading it would end the process (SIGBUS).
-
-    This program replaces the file of a grid by renames only, which leave a map as it is; another one may still truncate it.
-    """
-    mapped: Any = getattr(array, "_mmap", None)
-    if mapped is not None and len(mapped) > mapped.size():  # of the open file, whatever has its name now
-        name = getattr(array, "filename", None) or "the grid"
-        raise InputError(f"{name}: was truncated while it was open", remedy="open the scan again, which builds its grid anew")
-
-
 def let_go(*arrays: np.ndarray | None) -> None:
-    """Drops the pages of memory maps from this process's memory; their files keep them."""
+    """Drops the pages of memory maps from this process's memory; their files keep them.  Mapped are large scans outside the
+    cache, in a file without a name, which no other program can truncate."""
     for array in arrays:
         mapped: Any = getattr(array, "_mmap", None)
         if mapped is not None and array.mode != "c" and hasattr(mmap, "MADV_DONTNEED"):  # type: ignore[union-attr]
@@ -210,8 +200,8 @@ def let_go(*arrays: np.ndarray | None) -> None:
 
 
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
-    """(n, 3) uint32: the packed points at ``index``, as for ``unpack``."""
-    refuse_changed_file(scene.points)
+    """(n, 3) uint32: the packed points at ``index``, as for ``unpack``.  Raises InputError where a file of the grid cannot
+    be read, or has become shorter."""
     words = np.atleast_2d(np.asarray(scene.points[index]))
     if scene.marked is None:
         return words

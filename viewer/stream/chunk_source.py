@@ -1,7 +1,7 @@
 """Reads the chunks of a scene and checks their checksums.
 
 A chunk is a run of ``CHUNK`` points of ``Scene.points``; the first chunks are the coarse layers.  Points in a file are read
-with pread and never through their memory map: resident memory does not grow with the points read, and a file that is truncated
+with pread and never through a memory map: resident memory does not grow with the points read, and a file that is truncated
 while it is open gives an error message and not a bus error.
 """
 
@@ -16,6 +16,7 @@ from ...model.common.system import read_at
 from ..common.errors import InputError
 from ..grid.cache import mark_damaged
 from ..grid.checksum import checksum
+from ..grid.npy_column import NpyColumn
 from ..grid.scene import CHUNK
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class ChunkFile:
 
 
 class ChunkSource:
-    """Reads the chunks of a scene from the file behind its memory map, or from its array.
+    """Reads the chunks of a scene from its file, or from its array.
 
     chunk_points: points of a chunk; checksums exist for chunks of CHUNK points and are checked for these only.
     May be used from several threads.  Raises InputError where the file does not exist any more.
@@ -147,6 +148,8 @@ def _file_of(points: np.ndarray) -> "tuple[Path | None, int]":
     """The file that holds ``points``, and the byte at which they begin; None where they are not in a file with a name."""
     from pathlib import Path
 
+    if isinstance(points, NpyColumn):
+        return Path(points.filename), points.offset
     mapped = _map_of(points)
     if mapped is None or mapped.filename is None:
         return None, 0

@@ -6,12 +6,13 @@ needed is read.  Files are opened for each piece, which takes some 10 us: a plac
 """
 
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..common.errors import InputError
-from ..grid.mapped_array import start_of
+from ..grid.npy_column import start_of
 from ..grid.place.joined_points import JoinedPoints
 from ..grid.scene import CHUNK
 from .chunk_source import POINT_BYTES, ChunkError, ChunkFile, ChunkSource
@@ -53,7 +54,7 @@ class JoinedChunks:
     def _read(self, grid: int, start: int, into: np.ndarray) -> None:
         """The points of a grid from number ``start`` on, as they are stored, checked."""
         path = self.points.files[grid]
-        if isinstance(path, np.ndarray):  # in memory
+        if not isinstance(path, Path):  # in memory
             into[:] = path[start : start + len(into)]
             return
         parts, checked = self.points.checked[grid], self._checked[grid]

@@ -82,6 +82,7 @@ class Selection:
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
+        from ..grid.gathered_rows import points_of
         from ..grid.scene import scan_numbers, unpack
 
         scene = self.scene
@@ -91,7 +92,7 @@ class Selection:
             classes = self.classes_of(some)
             kept = slice(None) if self.everything else self.keeps(xyz, station, some)
             if scene.marked is not None:  # a ghost in sight is a point of its own station
-                station = scan_numbers(scene.points[start:stop])
+                station = scan_numbers(points_of(scene, start, stop))
             if len(xyz[kept]):
                 yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
 
@@ -126,7 +127,8 @@ class Selection:
         own = self._own_classes(index)
         if self.marks is not None:
             return self.marks.classes(self.marks.of_point[index], own)
-        return np.zeros(len(np.atleast_1d(self.scene.points[index, 0])), np.uint8) if own is None else own
+        count = len(range(*index.indices(self.scene.count)) if isinstance(index, slice) else np.atleast_1d(index))
+        return np.zeros(count, np.uint8) if own is None else own
 
     def _own_classes(self, index: Any) -> np.ndarray | None:
         from ..grid.scene import attributes_of

@@ -17,6 +17,7 @@ from pointglass.viewer.common.errors import Cancelled, InputError
 from pointglass.viewer.common.progress import set_sink
 from pointglass.viewer.grid import cache
 from pointglass.viewer.grid.building import two_passes as grid
+from pointglass.viewer.grid.npy_column import NpyColumn
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.stream.chunk_source import CHUNK, ChunkSource
@@ -51,7 +52,7 @@ def test_a_cached_scene_equals_a_fresh_one(scan, store):
     same(open_scene(scan), fresh)
     again = open_scene(scan)
     same(again, fresh)
-    assert isinstance(again.points, np.memmap)
+    assert isinstance(again.points, NpyColumn)
     assert [p.name for p in store.iterdir()] == [cache.folder_of([scan]).name]
 
 

@@ -10,6 +10,7 @@ from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import cache, open_scene
 from pointglass.viewer.grid.building import kernels
+from pointglass.viewer.grid.npy_column import NpyColumn
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.records import point_records
 from pointglass.viewer.grid.records.point_records import PointRecords
@@ -95,7 +96,7 @@ def test_a_grid_on_disk_leads_back_to_file_and_record(files):
     for number in (0, 2):
         assert record[source == number].tolist() == number_of(rgb[source == number]).tolist()
     assert stored.meta.records.files == tuple(point_records.identity_of(file) for file in files)
-    assert isinstance(stored.records.low, np.memmap)
+    assert isinstance(stored.records.low, NpyColumn)
 
 
 def test_the_column_takes_four_bytes_a_point(files, tmp_path):

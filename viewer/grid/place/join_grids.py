@@ -5,7 +5,7 @@ means the same everywhere and no coordinate is rounded again.  Layers are counte
 share of the points of each grid.  Frame: file coordinates, which the files are taken to share.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,11 @@ _REACH = 1 << 30
 """Farthest cell from the first, so that cell numbers fit int32."""
 
 
-def joined(scenes: Sequence[Scene], folders: Sequence[Path | None], open_column: Callable[[Path], np.ndarray],
+def joined(scenes: Sequence[Scene], folders: Sequence[Path | None],
            gains: Sequence[np.ndarray | None] | None = None, missing_black: Sequence[bool] | None = None) -> Scene:
     """One scene of the grids in ``folders``, read as ``scenes``.  None in place of a folder: the grid is in memory only.
 
-    open_column: maps a column's file.  gains: for each grid (S, 3) factors of the sRGB values of its stations, None where
+    gains: for each grid (S, 3) factors of the sRGB values of its stations, None where
     they are 1; None: of all grids.  missing_black: for each grid whether black
     is no colour; None: as the grid has decided.  Raises InputError where the grids have cells of different sizes, or lie too
     far apart.
@@ -60,11 +60,11 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path | None], open_column:
     points: Any = JoinedPoints(
         table, [folder / "points.npy" if folder else scene.points for scene, folder in zip(scenes, folders)],
         [checked_parts(scene) for scene in scenes],
-        changes_of(scenes, first_stations, gains, missing_black), first_stations, open_column,
+        changes_of(scenes, first_stations, gains, missing_black), first_stations,
     )  # fmt: skip
     records = JoinedRecords(
         table, [scene.records for scene in scenes if scene.records is not None],
-        [_record_columns(scene, folder) for scene, folder in zip(scenes, folders)], open_column,
+        [_record_columns(scene, folder) for scene, folder in zip(scenes, folders)],
     )  # fmt: skip
     coords = np.concatenate([scene.cell_coords + (own - base).astype(np.int32) for scene, own in zip(scenes, bases)])
     corners = np.stack([scene.bounds for scene in scenes])

@@ -5,7 +5,7 @@ of one grid.  The numbering is a table of pieces, a run of points of one layer o
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -13,50 +13,40 @@ from typing import Any
 import numpy as np
 
 from ..checksum import CheckedParts
-from ..mapped_array import rows_of
+from ..npy_column import NpyColumn, column_of
+from ..row_indexing import IndexedRows
 from .point_change import PointChange
 
 _OPEN = 64
-"""Memory maps that are kept; the kernel limits open files to 1024 of a process by default, and each map holds one."""
-_FEW = 4096
-"""Rows that are read rather than mapped: 48 KB of points."""
+"""Columns whose file is kept open; the system limits open files to 1024 of a process by default."""
 HEAD = 1 << 18
 """First rows of a column that are kept once they were read, 3 MB of points: samples of a place are taken of them several times
 when it is opened, and each time the file of each grid would be opened."""
 
 
 class OpenColumns:
-    """Memory maps of columns, opened when they are needed; those used last are kept.  From any thread.
+    """Columns of grids, opened when they are needed; those used last are kept.  From any thread.
 
-    paths: of the files; an array in place of one is the column of a grid in memory.  open_column: maps a file
-    (viewer.grid.cache.mapped)."""
+    paths: of the files; a column itself in place of one is that of a grid in memory."""
 
-    def __init__(self, paths: Sequence[Path | np.ndarray], open_column: Callable[[Path], np.ndarray]):
-        self._paths, self._open_column = paths, open_column
-        self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
+    def __init__(self, paths: Sequence[Path | np.ndarray]):
+        self._paths = paths
+        self._kept: OrderedDict[int, NpyColumn] = OrderedDict()
         self._lock = Lock()
 
-    def __getitem__(self, number: int) -> np.ndarray:
+    def __getitem__(self, number: int) -> Any:
+        """Raises InputError where the file is not there any more."""
         path = self._paths[number]
-        if isinstance(path, np.ndarray):
+        if not isinstance(path, Path):
             return path
         with self._lock:
             found = self._kept.pop(number, None)
             if found is None:
-                found = self._open_column(path)
+                found = column_of(path)
             self._kept[number] = found
             while len(self._kept) > _OPEN:
                 self._kept.popitem(last=False)
             return found
-
-    def rows(self, number: int, first: int, count: int) -> np.ndarray:
-        """Rows of a column, ``count`` from ``first`` on; few of one that is not mapped are read, without a map."""
-        path = self._paths[number]
-        with self._lock:
-            known = number in self._kept
-        if known or count > _FEW or isinstance(path, np.ndarray):
-            return self[number][first : first + count]
-        return rows_of(path, first, count)
 
 
 class PieceTable:
@@ -88,38 +78,24 @@ class PieceTable:
         return piece % self.grids, self.local[piece] + numbers - self.starts[piece]
 
 
-class JoinedColumn:
-    """A column with a row for each point, read from the grids: what may be done with an array of it is to index its rows.
+class JoinedColumn(IndexedRows):
+    """A column with a row for each point, read from the grids.
 
-    columns: of each grid.  shape, dtype: of the whole.
+    columns: of each grid.  width, dtype: of a row.
     """
 
     def __init__(self, table: PieceTable, columns: OpenColumns, width: tuple[int, ...], dtype: type):
+        super().__init__((int(table.starts[-1]), *width), np.dtype(dtype))
         self.table, self._columns = table, columns
-        self.shape, self.dtype, self.ndim = (int(table.starts[-1]), *width), np.dtype(dtype), 1 + len(width)
         self._head = np.empty((0, *width), self.dtype)
-
-    def __len__(self) -> int:
-        return self.shape[0]
 
     def __array__(self, *_, **__) -> np.ndarray:
         raise TypeError("the points of a place are not one array: use viewer.grid.gathered_rows")
 
-    def __getitem__(self, index: Any) -> np.ndarray:
-        if isinstance(index, tuple):
-            return self[index[0]][(slice(None), *index[1:])]
-        if isinstance(index, slice):
-            start, stop, step = index.indices(len(self))
-            if step > 0 and start < stop <= HEAD:
-                return self._head_to(stop)[start:stop:step].copy()
-            if step != 1:
-                return self._some(np.arange(start, stop, step))
-            return self._run(start, max(start, stop))
-        numbers = np.asarray(index)
-        if numbers.dtype == bool:
-            numbers = np.flatnonzero(numbers)
-        found = self._some(np.where(numbers < 0, numbers + len(self), numbers).reshape(-1).astype(np.int64))
-        return found[0] if numbers.ndim == 0 else found
+    def _sliced(self, start: int, stop: int, step: int) -> np.ndarray:
+        if step > 0 and start < stop <= HEAD:
+            return self._head_to(stop)[start:stop:step].copy()
+        return super()._sliced(start, stop, step)
 
     def _head_to(self, stop: int) -> np.ndarray:
         """The first rows, at least ``stop`` of them."""
@@ -136,15 +112,13 @@ class JoinedColumn:
             at += count
         for grid, parts in pieces.items():  # those of one grid, a layer each, lie one behind the other in its file
             first, last = parts[0][0], parts[-1][0] + parts[-1][1]
-            rows = np.array(self._columns.rows(grid, first, last - first))
+            rows = np.array(self._columns[grid][first:last])
             self._changed(grid, rows)
             for begin, count, place in parts:
                 found[place : place + count] = rows[begin - first : begin - first + count]
         return found
 
     def _some(self, numbers: np.ndarray) -> np.ndarray:
-        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(self):
-            raise IndexError(f"points {numbers.min()} to {numbers.max()} of {len(self)}")
         grids, local = self.table.places(numbers)
         order = np.argsort(grids, kind="stable")
         found = np.empty((len(numbers), *self.shape[1:]), self.dtype)
@@ -165,17 +139,13 @@ class JoinedPoints(JoinedColumn):
     station of each grid, without a limit."""
 
     def __init__(self, table: PieceTable, files: Sequence[Path | np.ndarray], checked: list[CheckedParts],
-                 changes: list[PointChange], first_stations: list[int], open_column: Callable[[Path], np.ndarray]):
-        super().__init__(table, OpenColumns(files, open_column), (3,), np.uint32)
+                 changes: list[PointChange], first_stations: list[int]):
+        super().__init__(table, OpenColumns(files), (3,), np.uint32)
         self.files, self.checked, self.changes, self.first_stations = files, checked, changes, first_stations
 
     def count_of(self, grid: int) -> int:
         """Points of a grid."""
         return self.table.counts[grid]
-
-    def map_of(self, grid: int) -> np.ndarray:
-        """The points of a grid as its file has them, memory-mapped."""
-        return self._columns[grid]
 
     def _changed(self, grid: int, rows: np.ndarray) -> None:
         self.changes[grid].apply(rows)

@@ -15,16 +15,16 @@ class JoinedRecords(PointRecords):
     ``first`` and ``scans`` are those of all sources, as in PointRecords.
     """
 
-    def __init__(self, table: PieceTable, records: list[PointRecords], files: list[tuple[Path, Path]], open_column):
+    def __init__(self, table: PieceTable, records: list[PointRecords], files: list[tuple[Path, Path]]):
         bases = np.cumsum([0, *(int(one.first[-1]) for one in records)])
         first = [one.first[:-1] + base for one, base in zip(records, bases)]
         scans = [None if one.scans is None else one.scans + base for one, base in zip(records, bases)]
-        low = JoinedColumn(table, OpenColumns([low for low, _ in files], open_column), (), np.uint32)
+        low = JoinedColumn(table, OpenColumns([low for low, _ in files]), (), np.uint32)
         known = [starts for starts in scans if starts is not None]
         super().__init__(low, None, np.concatenate([*first, bases[-1:]]),  # type: ignore[arg-type]
                          np.concatenate(known) if len(known) == len(scans) else None)
         self._table, self._bases = table, bases
-        self._high = OpenColumns([high for _, high in files], open_column)
+        self._high = OpenColumns([high for _, high in files])
         self._columns = low._columns
         self._sums = [(one.sums, one.high is not None, one.where) for one in records]
         self._tested = [np.zeros(0 if one.sums is None else len(one.sums), bool) for one in records]

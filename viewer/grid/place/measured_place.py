@@ -17,7 +17,7 @@ import numpy as np
 from ....model.common.files.atomic_write import write_atomic
 from ...common.paths import cache_dir
 from ...common.progress import progress
-from ..cache import checksums, mapped
+from ..cache import checksums
 from ..scene import Scene
 from .join_grids import joined
 from .joined_exposures import applied_gains, has_missing_black, solved_gains, station_counts
@@ -53,7 +53,7 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
         with progress(0, "joining the grids") as meter:
             meter.update(0)
             gains, matched = solved_gains(scenes, folders, stations) if match else (np.ones((sum(stations), 3)), 0)
-            spacing = joined_spacing(joined(scenes, folders, mapped))
+            spacing = joined_spacing(joined(scenes, folders))
             found = Measured(gains, matched, spacing, has_missing_black(scenes, folders))
         _write(kept, found)
     by_grid, summary = applied_gains(found.gains, found.matched, stations)
@@ -66,7 +66,7 @@ def joined_in_memory(more: Sequence[Scene], scenes: Sequence[Scene] = (), folder
                      gains: Sequence[np.ndarray | None] = (), missing_black: Sequence[bool] = ()) -> Scene:
     """The scene of grids in memory, and of others behind them, which are as for viewer.grid.place.join_grids."""
     known = [replace(scene, checksums=checksums(scene.points)[0]) for scene in more]
-    scene = joined([*known, *scenes], [*[None] * len(known), *folders], mapped, [*[None] * len(known), *gains],
+    scene = joined([*known, *scenes], [*[None] * len(known), *folders], [*[None] * len(known), *gains],
                    [*(scene.unlit for scene in known), *missing_black])
     return replace(scene, live=tuple(source for one in known for source in one.live))
 

@@ -79,11 +79,11 @@ def grown(keys, start, normals, flat, least):
 
 
 @compiled(nogil=True)
-def add_moments(points, offsets, coords, size, shift, side, rows, moments):
+def add_moments(points, offsets, coords, size, shift, side, rows, moments, first, last):
     """Adds to (M, 10) float64 ``moments`` of cubes, relative to each cube's lowest corner (viewer.work.point_moments).
-    rows: (N,) int64, cube of each point, -1: none."""
+    rows: (N,) int64, cube of each point, -1: none.  Of the runs ``first`` to ``last``."""
     cells, step = coords.shape[0], size / 65536.0
-    for run in range(len(offsets) - 1):
+    for run in range(first, last):
         cell = run % cells
         x0, y0, z0 = coords[cell, 0] * size + shift[0], coords[cell, 1] * size + shift[1], coords[cell, 2] * size + shift[2]
         for i in range(offsets[run], offsets[run + 1]):
@@ -132,10 +132,11 @@ def widened(keys, nearest):
 
 
 @compiled(nogil=True)
-def near_planes(points, offsets, coords, size, shift, rows, nearest, middles, normals, reach, hits):
-    """Marks the points of cubes with a plane that lie near it.  nearest: (M,).  middles, normals: (M, 3).  reach: (M,)."""
+def near_planes(points, offsets, coords, size, shift, rows, nearest, middles, normals, reach, hits, first, last):
+    """Marks the points of cubes with a plane that lie near it.  nearest: (M,).  middles, normals: (M, 3).  reach: (M,).
+    Of the runs ``first`` to ``last``."""
     cells, step = coords.shape[0], size / 65536.0
-    for run in range(len(offsets) - 1):
+    for run in range(first, last):
         cell = run % cells
         x0, y0, z0 = coords[cell, 0] * size + shift[0], coords[cell, 1] * size + shift[1], coords[cell, 2] * size + shift[2]
         for i in range(offsets[run], offsets[run + 1]):

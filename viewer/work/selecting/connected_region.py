@@ -15,7 +15,7 @@ from ...common.errors import InputError
 from ...common.progress import progress
 from ...grid.gathered_rows import points_of
 from ..selection import Selection
-from .select_points import in_sight
+from .select_points import in_sight, pieces
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -60,10 +60,12 @@ def connected_region(sight: Selection, place: np.ndarray, gap: float | None = No
     if float((high - low).max()) / side >= LAST - 4:
         raise InputError(f"a gap of {side:g} is too small for this scan", remedy="choose a larger one")
     shift = scene.origin - low + 2 * side
-    points, offsets, coords = points_of(scene), np.asarray(scene.offsets), np.asarray(scene.cell_coords)
+    coords = np.asarray(scene.cell_coords)
     with progress(4, "Finding what hangs together") as meter:
         keys = np.where(in_sight(sight, np.ones(scene.count, bool)), np.int64(0), np.int64(-1))
-        in_rows(len(offsets) - 1, 64, cube_keys, points, offsets, coords, scene.cell_size, shift, side, keys, 0)
+        for base, stop, some, offsets in pieces(scene):
+            in_rows(stop - base, 64, cube_keys, points_of(scene, some.start, some.stop), offsets, coords, scene.cell_size,
+                    shift, side, keys[some], base)  # fmt: skip
         meter.update(1)
         cubes, rows = np.unique(keys, return_inverse=True)
         rows = rows.reshape(-1)  # NumPy 2.0 gives it the shape of the keys
@@ -80,7 +82,7 @@ def connected_region(sight: Selection, place: np.ndarray, gap: float | None = No
             seen = rows >= 0
             hits[seen] = joined[rows[seen]]
             return hits
-        _surface(scene, points, shift, side, cubes, rows, start, hits)
+        _surface(scene, shift, side, cubes, rows, start, hits)
         meter.update(2)
     return hits
 
@@ -93,15 +95,17 @@ def _nearest(cubes: np.ndarray, at: np.ndarray) -> int:
     return int(((middles - at) ** 2).sum(axis=1).argmin())
 
 
-def _surface(scene: "Scene", points: np.ndarray, shift: np.ndarray, side: float, cubes: np.ndarray, rows: np.ndarray,
+def _surface(scene: "Scene", shift: np.ndarray, side: float, cubes: np.ndarray, rows: np.ndarray,
              start: int, hits: np.ndarray) -> None:
     """Marks the points of the smooth surface through a cube."""
     from ..point_moments import mean_and_covariance
     from .connected_kernels import BITS, LAST, add_moments, around, grown, near_planes, widened
 
-    offsets, coords = np.asarray(scene.offsets), np.asarray(scene.cell_coords)
+    coords = np.asarray(scene.cell_coords)
     moments, near = np.zeros((len(cubes), 10)), np.zeros((len(cubes), 10))
-    add_moments(points, offsets, coords, scene.cell_size, shift, side, rows, moments)
+    for base, stop, some, offsets in pieces(scene):
+        add_moments(points_of(scene, some.start, some.stop), offsets, coords, scene.cell_size, shift, side, rows[some], moments,
+                    base, stop)  # fmt: skip
     in_rows(len(cubes), 256, around, cubes, moments, side, near)
     means, covariances = mean_and_covariance(near)
     variances, axes = np.linalg.eigh(covariances)
@@ -116,4 +120,6 @@ def _surface(scene: "Scene", points: np.ndarray, shift: np.ndarray, side: float,
     least = float(np.median(sigma[joined])) if joined.any() else 0.0
     least = max(least, scene.step)
     reach = _SIGMAS * np.clip(sigma, least, _ROUGHEST * least)  # where two surfaces meet, both are in a cube's deviation
-    near_planes(points, offsets, coords, scene.cell_size, shift, rows, nearest, corners + means, normals, reach, hits)
+    for base, stop, some, offsets in pieces(scene):
+        near_planes(points_of(scene, some.start, some.stop), offsets, coords, scene.cell_size, shift, rows[some], nearest,
+                    corners + means, normals, reach, hits[some], base, stop)  # fmt: skip

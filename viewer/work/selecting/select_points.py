@@ -14,7 +14,7 @@ from ....model.common.process.processors import in_rows
 from ...common.progress import progress
 from ...grid.gathered_rows import points_of
 from ...grid.records.point_marks import file_keys, marks_of
-from ...grid.scene import packed, positions, refuse_changed_file, scan_numbers
+from ...grid.scene import packed, positions, scan_numbers
 from ...picture.clip import Box, normals
 from ...picture.edits import Edits
 from ...picture.point_sets import PointSet
@@ -148,8 +148,7 @@ def described(scene: "Scene", edits: Edits, points: PointSet, mask: np.ndarray |
         chosen[some] = mask[records.numbers(some)]
     ends = np.array([np.inf] * 3 + [-np.inf] * 3)
     coords = np.asarray(scene.cell_coords)
-    for base, stop, first, offsets in _pieces(scene):
-        some = slice(first, first + int(offsets[stop]))
+    for base, stop, some, offsets in pieces(scene):
         words = points_of(scene, some.start, some.stop)
         lowest_and_highest(words, offsets, coords, scene.cell_size, chosen[some], ends, base, 0, stop - base)
     marks_of(scene, replace(edits, selection=points))
@@ -158,24 +157,22 @@ def described(scene: "Scene", edits: Edits, points: PointSet, mask: np.ndarray |
 
 def _run(scene: "Scene", kernel, shift: np.ndarray, *arguments) -> np.ndarray:
     """The hits of a kernel, with progress; on all processors."""
-    refuse_changed_file(scene.points)
     coords, hits, shift = np.asarray(scene.cell_coords), np.zeros(scene.count, bool), np.asarray(shift, np.float64)
     with progress(scene.count, "Selecting", "point") as meter:
-        for base, stop, first, offsets in _pieces(scene):
-            some = slice(first, first + int(offsets[stop]))
+        for base, stop, some, offsets in pieces(scene):
             in_rows(stop - base, 64, kernel, points_of(scene, some.start, some.stop), offsets, coords, scene.cell_size, shift,
                     *arguments, hits[some], base)  # fmt: skip
             meter.update(some.stop - some.start)
     return hits
 
 
-def _pieces(scene: "Scene") -> Iterator[tuple[int, int, int, np.ndarray]]:
-    """(first run, run after the last, number of the first point, offsets from that point) of pieces of _PIECE points."""
+def pieces(scene: "Scene") -> Iterator[tuple[int, int, slice, np.ndarray]]:
+    """(first run, run after the last, the numbers of its points, offsets from its first point) of pieces of _PIECE points."""
     offsets = np.asarray(scene.offsets)
     base, runs = 0, len(offsets) - 1
     while base < runs:
         stop = min(max(int(np.searchsorted(offsets, offsets[base] + _PIECE, side="right")) - 1, base + 1), runs)
-        yield base, stop, int(offsets[base]), offsets - offsets[base]
+        yield base, stop, slice(int(offsets[base]), int(offsets[stop])), offsets - offsets[base]
         base = stop
 
 
