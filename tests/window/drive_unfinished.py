@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import checks_cut_off_grid
 import checks_day_tools
 import checks_set_points
 import checks_written_files
@@ -167,7 +168,7 @@ def check_text_that_is_no_number_changes_nothing(p: Person, folder: Path) -> Non
     p.key("Escape")
 
 
-_PARTS = vars(checks_written_files), vars(checks_set_points), dict(globals()), vars(checks_day_tools)
+_PARTS = vars(checks_written_files), vars(checks_set_points), dict(globals()), vars(checks_day_tools), vars(checks_cut_off_grid)
 CHECKS = {name.removeprefix("check_"): made for part in _PARTS for name, made in part.items() if name.startswith("check_")}
 
 

@@ -1,8 +1,10 @@
 """The tools of one window: which is selected, and which receives an event of the pointer or a key."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...common.errors import InputError
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 from .waiting_clicks import KEYS, WaitingClicks
 
@@ -35,18 +37,18 @@ class Toolbox:
     def follow(self, context: ToolContext) -> None:
         """Lets every tool and overlay take what its work in the background has brought."""
         for shown in self.overlays:
-            shown.follow(context)
+            _told(context, shown.follow, context)
         for tool in self.tools:
-            tool.follow(context)
+            _told(context, tool.follow, context)
             if tool.wanted:
                 tool.wanted = False
                 if tool is not self.active:
                     self.select(tool.name, context)
         for event, at in self._waiting.answerable(context):
             if isinstance(event, KeyEvent):
-                self.active.key_event(event, context)
+                _told(context, self.active.key_event, event, context)
             else:
-                self.active.pointer(replace(event, position=at or event.position), context)
+                _told(context, self.active.pointer, replace(event, position=at or event.position), context)
 
     @property
     def answering(self) -> bool:
@@ -77,7 +79,7 @@ class Toolbox:
         """Gives an event to the tool that holds the pointer, else to the selected tool and then to Fly."""
         if self._holder is not None:
             taken = self._holder is self.fly is not self.active and self.active.takes_clicks
-            self._holder.pointer(replace(event, clicks=0) if taken else event, context)
+            _told(context, self._holder.pointer, replace(event, clicks=0) if taken else event, context)
             if event.kind in ("release", "leave"):
                 if event.clicks and self._holder is not self.active:  # a press that Fly took turned out to be a click
                     self._give(self.active, event, context)
@@ -95,7 +97,7 @@ class Toolbox:
             context.session.shown_scan.touched = True
             if self._waiting.keeps(event, context, event.position):
                 return False
-        return tool.pointer(event, context)
+        return _told(context, tool.pointer, event, context)
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         """Gives a key to the selected tool.  Returns whether it used it."""
@@ -103,7 +105,7 @@ class Toolbox:
             self._waiting.forget()
         elif event.key in KEYS and event.kind == "press" and self._waiting.keeps(event, context):
             return True
-        return self.active.key_event(event, context)
+        return _told(context, self.active.key_event, event, context)
 
     def release(self, context: ToolContext) -> None:
         """Ends a drag that is under way: the window lost the focus, or a dialog opened."""
@@ -128,3 +130,14 @@ class Toolbox:
             overlay.crosshair(context.session.pointer)
             if text := self.active.hint(context):
                 overlay.hint(context.session.pointer, text)
+
+
+def _told(context: ToolContext, do: Callable[..., bool | None], *of_event: object) -> bool:
+    """What a tool does with an event, and whether it used it.  An error becomes a dialog: the file of a grid may become
+    unreadable whenever points are read of it, and that is no reason to end the window."""
+    try:
+        return bool(do(*of_event))
+    except InputError as error:
+        asked = any(isinstance(event, KeyEvent) or getattr(event, "clicks", 0) for event in of_event)
+        (context.session.notices.say if asked else context.session.notices.say_once)("This cannot be done", error)
+        return True

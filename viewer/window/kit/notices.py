@@ -135,6 +135,7 @@ class Notices:
         self._clock = clock
         self.message: Message | None = None
         self._answered: Callable[[], object] | None = None
+        self._said: set[str] = set()
         self.toasts: list[Toast] = []
         self.of_scan: list[ScanNotice] = []
         self.saved: list[Path] = []
@@ -148,6 +149,12 @@ class Notices:
     def say(self, title: str, *problems: Problem) -> None:
         """Opens a dialog with one or several problems."""
         self.message = Message(title, "\n\n".join(map(in_window, problems)))
+
+    def say_once(self, title: str, problem: Problem) -> None:
+        """As :meth:`say`, once while a scan is shown: what nobody asked for may fail again and again."""
+        if (text := in_window(problem)) not in self._said:
+            self._said.add(text)
+            self.say(title, problem)
 
     def say_also(self, title: str, *problems: Problem) -> None:
         """As :meth:`say`; where a message is open, below its text, so that none is lost."""
@@ -206,6 +213,7 @@ class Notices:
         """Forgets what was said about the scene that is no longer shown."""
         self.toasts = [toast for toast in self.toasts if not toast.of_scene]
         self.of_scan = []
+        self._said.clear()
 
     def expire(self) -> bool:
         """Forgets the toasts whose time is over.  Returns whether there were any."""

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from ...common.errors import InputError
 from ...common.text import counted
 from ...picture.settings import Settings
 from ...picture.views import VIEWS
@@ -85,7 +86,14 @@ class WindowActions:
     def do(self, name: str) -> None:
         """Does what a control asks for.  On the start page only what can be seen there acts."""
         if self._host.session.scene is not None or name in _WITHOUT_SCENE:
-            self._when_drawn(self.table[name])
+            self._when_drawn(partial(self._done, self.table[name]))
+
+    def _done(self, act: Callable[[], object]) -> None:
+        """An error becomes a dialog, as of a tool (viewer.window.interaction.toolbox): it reads points of a file, too."""
+        try:
+            act()
+        except InputError as error:
+            self._session.notices.say("This cannot be done", error)
 
     def open(self, paths: Sequence[Path]) -> None:
         self._when_drawn(partial(self._host.open, paths))
@@ -277,7 +285,6 @@ def _open_folder(app: Host) -> None:
 
 def _open_demo(app: Host) -> None:
     from ...commands.demo import demo_camera, demo_scan
-    from ...common.errors import InputError
 
     try:
         app.open([demo_scan()], demo_camera())

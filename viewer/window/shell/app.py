@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from ....model.common.process.interrupts import finish_before_interrupt
+from ...common.errors import InputError
 from ...picture.settings import MEMORY, Memory, Settings
 from ...readers.remote.address import is_address
 from ..file_dialog.choice_window import ChoiceWindow
@@ -274,7 +275,11 @@ class App:
             return
         if loaded.paths != self.session.shown_scan.paths:
             self._remember_scan()
-        self.viewport.upload(loaded)
+        try:
+            self.viewport.upload(loaded)
+        except InputError as error:  # the file of its points became unreadable just now
+            self._close_scan()
+            self.session.notices.say("This scan cannot be shown", error)
 
     def _draw(self) -> None:
         """Draws the last picture and the interface on the canvas, and shows that on the screen."""
