@@ -123,11 +123,7 @@ class Directions:
 
 
 class Enclosure:
-    """A sample of a scene's points, and the directions that they close around any position.
-
-    The sample is taken here and not on a thread: points lie in mapped files, and a thread that still reads where a file is
-    cut off meanwhile ends the process (SIGBUS).
-    """
+    """A sample of a scene's points, and the directions that they close around any position."""
 
     def __init__(self, scene: "Scene"):
         self._scene = scene

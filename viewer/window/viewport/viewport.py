@@ -78,9 +78,7 @@ class Viewport:
         self._rate = FrameRate()
 
     def upload(self, loaded: Loaded) -> bool:
-        """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why.
-
-        Raises InputError where the start viewpoint cannot be chosen, as points became unreadable."""
+        """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
         try:
             renderer = self._made(loaded.scene)
         except (PointglassError, MemoryError) as error:
