@@ -1,7 +1,8 @@
 """Where each point of a grid came from: its running number over all sources, in the order in which they were read.
 
 The numbers are a column beside the packed points: four bytes a point, five where the sources hold more than 2**32 points.  The
-column is read where it is needed, never copied to the GPU, and checked by chunks of CHUNK points when a number in them is first needed.
+column is read where it is needed, never copied to the GPU, and checked by chunks of CHUNK points when a number in them is first
+needed.
 """
 
 import zlib
