@@ -10,7 +10,7 @@ from clouds import camera_in, room
 
 from pointglass.viewer.common.paths import cache_dir
 from pointglass.viewer.grid.build_scene import build_scene, in_memory
-from pointglass.viewer.grid.cache import load_folder, mapped
+from pointglass.viewer.grid.cache import load_folder
 from pointglass.viewer.grid.density_layers import Lattice
 from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
 from pointglass.viewer.grid.place.join_grids import joined
@@ -67,13 +67,13 @@ def test_files_beyond_the_numbers_of_points_are_hidden_one_by_one(context, tmp_p
     folders = [convert_one(file, cache_dir(), PlaceOptions(cell_size=1.0)) for file in files]
     numbers = [0] * 255 + [1, 2, 3, 4]
     grids = [load_folder(folders[number]) for number in numbers]
-    place = joined(grids, [folders[number] for number in numbers], mapped)
+    place = joined(grids, [folders[number] for number in numbers])
     assert len(place.meta.scans) == 259 and all(part.can_hide for part in files_of(place))
     camera, every = camera_in(place, seed, (120, 90)), np.arange(259)
     records = place.records.numbers(slice(0, place.count))
     for gone in ((255, 258), (3, 257)):
         left = np.setdiff1d(every, gone)
-        rest = joined([grids[k] for k in left], [folders[numbers[k]] for k in left], mapped)
+        rest = joined([grids[k] for k in left], [folders[numbers[k]] for k in left])
         edits = Edits(hidden_stations=gone)
         frames = []
         for scene, some in ((place, edits), (replace(rest, spacing=place.spacing), None)):
