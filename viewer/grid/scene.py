@@ -44,7 +44,7 @@ class Scene:
     """Points by density layer, then by cell.
 
     points: (N, 3) uint32 packed points: an array, or a column of files that is read where its rows are indexed
-        (viewer.grid.row_indexing).
+        (viewer.grid.npy_column).
     cell_coords: (C, 3) int32, cells in Morton order, relative to ``origin``.
     offsets: (L*C + 1,) int64; layer k of cell c is ``points[offsets[k*C + c]:offsets[k*C + c + 1]]``.  Layer 0 is the
         coarsest.  The layers 0..k together are a uniform random subsample for every k.

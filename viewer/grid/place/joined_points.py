@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..checksum import CheckedParts
-from ..npy_column import NpyColumn, column_of
-from ..row_indexing import IndexedRows
+from ..npy_column import IndexedRows, NpyColumn, column_of
 from .point_change import PointChange
 
 _OPEN = 64
