@@ -1,7 +1,7 @@
 // Occlusion culling: is a cell hidden?  In each texel of the pyramid that the cell's rectangle covers, the highest inverse depth
 // that the box of its points can have there is compared with the lowest inverse depth that hides.
-// Flags of cells drawn already (1 before): 1 visible, 2 hidden by others.  Flags of the rest: 3 visible, to be drawn now; 0 hidden.
-// The lowest bit means: draw first in the next frame.
+// Flags: 1 could be visible, 2 drawn, and from bit ROUND_SHIFT on the round in which the cell is tested, 0 for those drawn without a
+// test.  In the last round what is drawn is tested again, since more hides by then.
 #include "common_project.glsl"
 #include "common_occlusion.glsl"
 
@@ -11,6 +11,7 @@ layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };
 layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
 uniform uint tally;  // index in the commands of the count of hidden cells
 uniform uint cell_count;
+uniform uint number;  // of the round
 
 // Three sides of a box, x lowest, as viewer/render/culling/cull_kernels.py packs them.
 vec3 box_sides(uint code) {
@@ -76,7 +77,10 @@ bool hidden(vec4 cell) {
 void main() {
     uint cell = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
     if (cell >= cell_count) return;
-    bool drawn = flags[cell] == 1u, away = hidden(cells[cell]);
-    flags[cell] = away ? (drawn ? 2u : 0u) : (drawn ? 1u : 3u);
-    if (away && !drawn) atomicAdd(commands[tally], 1u);
+    uint flag = flags[cell];
+    bool now = flag >> ROUND_SHIFT == number;
+    if (!now && (number != uint(LAST) || (flag & 2u) == 0u)) return;
+    bool away = hidden(cells[cell]);
+    flags[cell] = flag & ~1u | (away ? 0u : now ? 3u : 1u);
+    if (away && now) atomicAdd(commands[tally], 1u);
 }

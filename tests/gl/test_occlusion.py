@@ -20,7 +20,17 @@ from pointglass.viewer.grid.cell_boxes import SHARES
 from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.culling.cull import Culler
-from pointglass.viewer.render.culling.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
+from pointglass.viewer.render.culling.occlusion import (
+    BLOCK_SHIFT,
+    GAP_LEVELS,
+    LAST,
+    ROUNDS,
+    SEEN,
+    WORTH,
+    HiddenCells,
+    Occlusion,
+    batches_of,
+)
 from pointglass.viewer.render.device.shader import BATCH
 from pointglass.viewer.render.renderer import Renderer
 
@@ -119,13 +129,14 @@ def test_what_the_tally_says_is_what_was_listed(floor):
         commands = np.frombuffer(hider._commands.buffer.read(), np.uint32)
         appended = np.frombuffer(hider._appended.buffer.read(), np.uint32).reshape(-1, 4)
         points, cells = 0, 0
-        for page in range((len(bounds) - 1) // 2):
-            known = rows[bounds[2 * page] : bounds[2 * page + 1]]
-            more = appended[bounds[2 * page + 1] :][: commands[4 * page + 3]]
-            groups = commands[4 * page] * commands[4 * page + 1]
-            assert rasteriser.workgroup.rows * groups >= len(more)  # enough workgroups for them
-            points += int(known[:, 1].sum()) + int(more[:, 1].sum())
-            cells += len(np.unique(known[:, 2])) + len(np.unique(more[:, 2]))
+        for page in range(len(renderer.pages.buffers)):
+            drawn = [rows[slice(*batches_of(bounds, page, 0))]]
+            for number in range(1, LAST + 1):
+                command = commands[4 * (page * LAST + number - 1) :][:4]
+                drawn.append(appended[batches_of(bounds, page, number)[0] :][: command[3]])
+                assert rasteriser.workgroup.rows * command[0] * command[1] >= len(drawn[-1])  # enough workgroups for them
+            points += sum(int(batches[:, 1].sum()) for batches in drawn)
+            cells += sum(len(np.unique(batches[:, 2])) for batches in drawn)
         tally = stats["occlusion"]
         assert points == stats["points_drawn"] == plain["points_drawn"] - tally["points_hidden"]
         assert cells == stats["cells_drawn"] - tally["cells_hidden"] and stats["cells_drawn"] == plain["cells_drawn"]
@@ -281,25 +292,22 @@ def test_where_hiding_would_show_nothing_is_hidden_and_the_memory_is_kept(floor,
     assert hidden(picture(floor.renderer, camera, memory)[2]) == hidden(known[2]) > 0
 
 
-def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
-    """A quarter of the points in the nearest cells; where enough is known, that alone."""
+def test_near_cells_are_tested_before_those_that_they_may_hide(floor):
+    """In rounds of so many points a pixel; what is known to be visible is drawn without a test."""
     camera = standing(floor.scan, *FULL)
     draw = Culler(floor.scene).select(camera)
     points = np.bincount(draw.slot, draw.count, len(draw.cells))
     distance = np.linalg.norm(draw.cell_view[:, :3], axis=1)
-    nobody = SimpleNamespace(lag=1, begin=lambda: 1, flags_of=lambda *_: None)
-    known = Occlusion().recall(floor.scene, draw, nobody).astype(bool)
-    assert distance[known].max() <= distance[~known].min()
-    assert NEAREST * draw.points <= points[known].sum() <= NEAREST * draw.points + points.max()
-    order = np.argsort(-distance)
-    many = order[points[order].cumsum() <= 0.5 * draw.points]
-    for told_of, added in ((order[:2], known), (many, False)):  # the farthest two; those with half of the points
-        told = np.zeros(len(draw.cells), np.uint8)
-        told[told_of] = 1
-        memory = Occlusion()
-        memory.recall(floor.scene, draw, nobody)
-        got = memory.recall(floor.scene, draw, SimpleNamespace(lag=1, begin=lambda: 2, flags_of=lambda *_, told=told: told))
-        assert np.array_equal(got, told | added)
+    hider = SimpleNamespace(lag=1, size=SIZE, begin=lambda: 1, flags_of=lambda *_: np.where(distance < 4.0, SEEN, 0))
+    memory = Occlusion()
+    for known in (np.zeros(len(distance), bool), distance < 4.0):  # a first frame and a second one
+        rounds = memory.recall(floor.scene, draw, hider).copy()
+        assert np.array_equal(rounds == 0, known)
+        for number, most in enumerate(ROUNDS, 1):
+            nearer, farther = ~known & (rounds <= number), rounds > number
+            assert points[nearer].sum() > most * SIZE[0] * SIZE[1] or not farther.any()
+            assert not nearer.any() or not farther.any() or distance[nearer].max() <= distance[farther].min()
+        assert rounds.max() > 1
 
 
 def test_a_frame_that_fails_on_its_way_is_forgotten(floor, monkeypatch):

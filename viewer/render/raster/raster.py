@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..culling.cull import DrawList
-from ..culling.occlusion import HiddenCells, History
+from ..culling.occlusion import LAST, HiddenCells, History
 from .batches import BatchTable, PageMap
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class Rasteriser:
         if self.marks is not None:
             self.marks.follow(pages)
         where = PageMap.of(pages, self.overlap)
-        self.table.fill(draw, where, group=group, groups=1 if group is None else 2, start=part.start, stop=part.stop)
+        self.table.fill(draw, where, group=group, groups=1 if group is None else LAST + 1, start=part.start, stop=part.stop)
         self._loaded = part
         return True
 

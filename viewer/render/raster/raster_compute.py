@@ -7,11 +7,10 @@ See viewer.render.raster.raster and raster_shader.  Only this rasteriser support
 from typing import TYPE_CHECKING
 
 import moderngl
-import numpy as np
 
 from ....model.common.process.processors import usable_processors
 from ..culling.cull import DrawList
-from ..culling.occlusion import LAG, HiddenCells, History
+from ..culling.occlusion import LAG, LAST, HiddenCells, History, batches_of
 from ..device import shader
 from ..device.compute_pass import rows_of_groups
 from ..device.device_class import Workgroup, workgroups
@@ -95,30 +94,34 @@ class ComputeRasteriser(ShaderRasteriser):
         if self.hider is None:
             self.hider = HiddenCells(self.programs, self.size, self._rows, self._lag)
         hider, count = self.hider, len(pages.buffers)
-        known = history.memory.recall(history.scene, draw, hider)
-        np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
-        self._bring(pages, draw, part, known)
-        bounds = self.table.bounds
-        np.subtract(1, known, out=known)
-        hider.start(known, count, int(bounds[-1]))
+        rounds = history.memory.recall(history.scene, draw, hider)
+        self._bring(pages, draw, part, rounds)
+        hider.start(rounds, count, int(self.table.bounds[-1]))
         self.zero(self.keys)
-        passes = self._passes()
-        for step, appended in zip(passes, self._passes(appended=1), strict=True):
-            self._bind()
-            for page in range(count):
-                self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
-            self.context.memory_barrier()
-            if step is passes[0]:
-                hider.build(self.keys, history)
-                hider.test(self.cells.buffer)
-                hider.append(self.upload.buffer, bounds)
-                self._bind()
-            for page, buffer in enumerate(pages.buffers):
-                if bounds[2 * page + 2] > bounds[2 * page + 1]:
-                    self._bind_marks(page)
-                    hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
-            self.context.memory_barrier()
+        passes, more = self._passes(), self._passes(appended=1)
+        self._draw_round(passes[0], pages, hider, 0)
+        tested = [number for number in range(1, LAST + 1) if number == LAST or (rounds == number).any()]
+        for number in tested:
+            hider.build(self.keys, history)
+            hider.test(self.cells.buffer, number)
+            hider.append(self.upload.buffer, self.table.bounds, number)
+            self._draw_round(more[0], pages, hider, number)
+        self._draw_round(passes[1], pages, hider, 0)
+        for number in tested:
+            self._draw_round(more[1], pages, hider, number)
         hider.end()
+
+    def _draw_round(self, step: moderngl.ComputeShader, pages: "PointPages", hider: HiddenCells, number: int) -> None:
+        """Runs a pass on what a round draws, 0: without a test."""
+        self._bind()
+        for page, buffer in enumerate(pages.buffers):
+            start, stop = batches_of(self.table.bounds, page, number)
+            if number == 0:
+                self._draw(step, pages, page, start, stop)
+            elif stop > start:
+                self._bind_marks(page)
+                hider.draw(step, buffer, page, number, start)
+        self.context.memory_barrier()
 
     def release(self) -> None:
         super().release()
