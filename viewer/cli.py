@@ -25,6 +25,7 @@ from .commands.workers_option import own_cache, workers_of
 from .common.command_log import logging_to
 from .common.errors import InputError
 from .common.failures import report, tell
+from .common.partial_torch import let_scipy_meet_torch
 from .common.progress import progress
 from .common.replaced_files import replaced_told
 from .common.text import counted, escaped_output
@@ -218,6 +219,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # a file name may hold characters that a terminal's encoding lacks
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    let_scipy_meet_torch()
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] not in (*COMMANDS, "-h", "--help", "--version"):
         given.insert(0, "view")

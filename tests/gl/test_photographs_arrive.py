@@ -59,6 +59,27 @@ def test_photographs_come_later_and_make_the_same_picture(context, wall):
     assert woken and np.array_equal(made[0], made[1]) and not np.array_equal(made[0], plain)
 
 
+def test_what_nobody_foresaw_costs_a_window_the_photograph_and_a_still_picture_everything(context, wall, monkeypatch, caplog):
+    scene, photo, camera = wall
+    broken = "pointglass.viewer.render.photographs.photo_library.fitted"
+    monkeypatch.setattr(broken, lambda *_: (_ for _ in ()).throw(AttributeError("torch has no Tensor")))
+    renderer = Renderer(context, scene, device="cpu")
+    renderer.photographs.give("wall", [photo])
+    settings = Settings(view="filled", photos="wall")
+    try:
+        with pytest.raises(AttributeError, match="no Tensor"):
+            renderer.render(camera, settings)
+        end = time.monotonic() + 60
+        while "left out of pictures" not in caplog.text and time.monotonic() < end:
+            frame = renderer.render(camera, settings, streaming=True)
+        assert "wall could not be prepared" in caplog.text and "no Tensor" in caplog.text
+        frame = renderer.render(camera, settings)  # and does not try again
+        plain = renderer.render(camera, replace(settings, photos="off"))
+        assert not frame.facts.photographs and np.array_equal(frame.image("filled"), plain.image("filled"))
+    finally:
+        renderer.release()
+
+
 def test_shaders_and_loops_make_one_picture(context, wall):
     scene, photo, camera = wall
     made = []

@@ -143,7 +143,7 @@ class PhotoLibrary:
         for number in absent:
             coming = self._coming[number]
             if wait or coming.done():
-                photo = self._coming.pop(number).result()
+                photo = self._come(number, wait=wait)
                 if photo is not None:
                     self.pool.put(number, photo, keep)
                     if not wait:
@@ -153,6 +153,18 @@ class PhotoLibrary:
         if self._fading:
             self._wake()
         return [number for number in wanted if number in self.pool]
+
+    def _come(self, number: int, *, wait: bool) -> PreparedPhoto | None:
+        """What a thread made of a photograph.  An unforeseen error ends a still picture, which shall lack nothing; a window
+        goes on without the photograph."""
+        try:
+            return self._coming.pop(number).result()
+        except Exception:
+            if wait:
+                raise
+            log.exception("%s could not be prepared; left out of pictures", self.photographs[number].name)
+            self._fits[number] = None
+            return None
 
     def alone(self, number: int, *, wait: bool) -> PhotoPool | None:
         """A pool with one photograph as number 0, whether or not it fits the points; None while a thread prepares it.
