@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...grid.scene import Scene
     from .photo_search import UnplacedPhotograph
 
-SEARCH = 2
+SEARCH = 3
 """Of the search; another number is searched again."""
 _log = logging.getLogger(__name__)
 

@@ -87,7 +87,8 @@ class PhotoSearch:
         if not isinstance(found, NotFound):
             camera = found.camera
             found = PlacedPhotograph(photo.path, photo.name, camera.width, camera.height, camera.fx,
-                                     rows_of(camera.camera_to_world), found.residual, found.matches, photo.number)
+                                     rows_of(camera.camera_to_world), found.residual, found.matches, photo.number,
+                                     found.within if np.isfinite(found.within).all() else None, found.uncertain)
         self._kept.write(photo, found)
         return found
 
@@ -141,5 +142,13 @@ def told(found: PlacedPhotograph | NotFound, name: str) -> str:
     if isinstance(found, NotFound):
         return f"{name}: where it was taken was not found: {found.why}"
     x, y, z = (row[3] for row in found.camera_to_world[:3])
-    return (f"{name}: taken at {x:.3f} {y:.3f} {z:.3f}; {found.matches} features agree with the scan, residual "
-            f"{found.residual:.1f} pixels of {found.width}x{found.height}")
+    return (f"{name}: taken at {x:.3f} {y:.3f} {z:.3f}{accuracy(found)}; {found.matches} features agree with the scan, "
+            f"residual {found.residual:.1f} pixels of {found.width}x{found.height}")
+
+
+def accuracy(found: PlacedPhotograph) -> str:
+    """In words, what follows the place of a photograph."""
+    if found.within is None:
+        return ", uncertain" if found.uncertain else ""
+    within = f"within {found.within[0]:.2g} units and {found.within[1]:.2g} degrees (95 %)"
+    return f", uncertain: {within}" if found.uncertain else f", {within}"

@@ -20,7 +20,8 @@ class PlacedPhotograph:
     """path: a JPEG or PNG, or an E57 that holds the picture at ``number`` of its images; a project stores it relative to
     itself.  name: for lists.  width, height: pixels of the picture.  focal: pixels; the principal point is the centre.
     camera_to_world: rigid.  residual: root mean square distance, pixels, of the features that agree with it; matches: their
-    number.
+    number.  within: errors of the place (file units) and of the direction (degrees) that 95 of 100 poses stay below, None: not
+    known; uncertain: whether they are large.
     Raises InputError naming a bad value.
     """
 
@@ -33,6 +34,8 @@ class PlacedPhotograph:
     residual: float
     matches: int
     number: int | None = field(default=None, metadata=UNLESS_DEFAULT)
+    within: tuple[float, float] | None = field(default=None, metadata=UNLESS_DEFAULT)
+    uncertain: bool = field(default=False, metadata=UNLESS_DEFAULT)
 
     def __post_init__(self) -> None:
         check_rigid(self.camera_to_world, f"{self.name}: camera_to_world")
@@ -43,6 +46,9 @@ class PlacedPhotograph:
         if not (self.residual >= 0 and self.matches >= 0):
             raise InputError(f"residual {self.residual!r} of {self.matches!r} features: expected numbers from 0",
                              file=self.path)
+
+        if self.within is not None and not min(self.within) >= 0:
+            raise InputError(f"within {self.within!r}: expected two numbers from 0", file=self.path)
 
     @property
     def file_name(self) -> str:

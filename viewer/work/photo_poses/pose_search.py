@@ -43,16 +43,21 @@ ALIKE less.  Of a photograph between the arcades of atrium 1,400 features agree 
 explained; at its place 1,000 and 0.60.  Of one of dining-room's tiles, each the image of the next, two places explain 0.51 and
 0.48, both of them 2.1 m off."""
 
+UNCERTAIN = 0.02, 0.5
+"""Error that 95 of 100 poses stay below from which on one is called uncertain: of the place, as a share of the distance of what
+the photograph shows, and of the direction, degrees: a choice; a search by colours then finds the rest (photo_fit)."""
+
 
 @dataclass(frozen=True, eq=False)
 class FoundPose:
     """camera: at the photograph's size, file coordinates.  residual: root mean square pixels of the photograph.  matches: that
-    agree.  deviations: as of SolvedPose, place in file units."""
+    agree.  within: of pose_within, the angle in degrees.  uncertain: whether that is much."""
 
     camera: Camera
     residual: float
     matches: int
-    deviations: tuple[float, float, float]
+    within: tuple[float, float]
+    uncertain: bool
 
 
 @dataclass(frozen=True)
@@ -99,9 +104,11 @@ def find_pose(draw: Draw, judge: Judge, views: list[ReferenceView], origin: np.n
         if number != taken and explained[number] >= limit and len(other.consistent) > RIVAL * len(pose.consistent):
             apart = np.linalg.norm(other.position - pose.position)
             return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
+    place, angle = pose.within[0], float(np.degrees(pose.within[1]))
     camera = _camera(pose, origin, (width, height), name)
     whole = Camera(*size, pose.focal * scale, pose.focal * scale, size[0] / 2, size[1] / 2, camera.camera_to_world, name)
-    return FoundPose(whole, pose.residual * scale, len(pose.consistent), pose.deviations)
+    return FoundPose(whole, pose.residual * scale, len(pose.consistent), (place, angle),
+                     place > UNCERTAIN[0] * pose.distance or angle > UNCERTAIN[1])  # fmt: skip
 
 
 def _first_poses(features: Features, views: list[ReferenceView], pairs: list[np.ndarray], centre: tuple[float, float],

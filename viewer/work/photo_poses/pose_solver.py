@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .picture_features import opencv
+from .pose_accuracy import STATED, pose_within
 
 ROUNDS = 10_000
 """RANSAC rounds at most: finds four right ones among one in eight with a probability of 0.9."""
@@ -20,7 +21,8 @@ LEAST = 8
 class SolvedPose:
     """rotation (3, 3), shift (3,): point to view frame.  focal: pixels.  consistent: indices of the matches that it explains.
     residual: root mean square of their distance, pixels.  deviations: standard deviations of the place (file units), of the
-    direction (radians) and of the focal length (a share), as these matches fix them."""
+    direction (radians) and of the focal length (a share), as these matches fix them.  within: as of
+    pose_within.  distance: median of the matches' points from the place, file units."""
 
     rotation: np.ndarray
     shift: np.ndarray
@@ -28,6 +30,8 @@ class SolvedPose:
     consistent: np.ndarray
     residual: float
     deviations: tuple[float, float, float] = (np.inf, np.inf, np.inf)
+    within: tuple[float, float] = (np.inf, np.inf)
+    distance: float = np.inf
 
     @property
     def position(self) -> np.ndarray:
@@ -63,7 +67,7 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
                  *, stated: float | None) -> SolvedPose | None:
     """The least-squares pose, and focal length, of the matches within ``tolerance`` of ``first``, and of the result again.
 
-    stated: focal length that the photograph states, which is kept to 5 % (one standard deviation); None: free.
+    stated: focal length that the photograph states, which is kept to STATED; None: free.
     None where too few matches are left.
     """
     from scipy.optimize import least_squares
@@ -81,7 +85,7 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
 
         def errors(values: np.ndarray, use=use) -> np.ndarray:
             rotation, moved, length = placed(values)
-            off = np.log(length / stated) / 0.05 if stated else 0.0
+            off = np.log(length / stated) / STATED if stated else 0.0
             return np.append(_apart(pixels[use], points[use], centre, rotation, moved, length).ravel(), off)
 
         solved = least_squares(errors, np.zeros(7), loss="huber", f_scale=0.3 * tolerance, x_scale="jac", max_nfev=60)
@@ -92,7 +96,9 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
         if len(inside) < LEAST:
             return None
         residual = float(np.sqrt((length[inside] ** 2).mean()))
-        pose = SolvedPose(rotation, shift, focal, inside, residual, _deviations(solved.jac, residual, scale))
+        within = pose_within(points[inside], rotation, shift, focal, apart[inside], pixels[inside] / (2 * np.asarray(centre)),
+                             stated=stated is not None)
+        pose = SolvedPose(rotation, shift, focal, inside, residual, _deviations(solved.jac, residual, scale), within, scale)
     return pose
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import ref
 
-from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, of_file, of_scan, told
+from ....commands.photo_placing.photo_search import PhotoSearch, UnplacedPhotograph, accuracy, of_file, of_scan, told
 from ....common.errors import InputError
 from ....common.text import counted
 from ....picture.photographs.placed_photograph import MOST_PLACED, PlacedPhotograph
@@ -109,7 +109,7 @@ class PhotoPlacer:
             ui.text_unformatted("Photographs placed by search")
         for number, placed in enumerate(context.document.photographs):
             ui.push_id(8000 + number)
-            text = f"{placed.name}, residual {placed.residual:.1f} px"
+            text = f"{placed.name}{accuracy(placed)}"
             shown = self._shown is not None and self._shown[0] == placed and _is_over(context, self._shown[1])
             if ui.selectable(fitted(text, ui.get_content_region_avail().x - 40), shown, 0,
                              (max(ui.get_content_region_avail().x - 40, 1), 0))[0]:  # fmt: skip
