@@ -41,11 +41,11 @@ def texture(context, array):
     return context.texture((width, height), 1 if array.ndim == 2 else 4, array.tobytes(), alignment=1, dtype=kind)
 
 
-def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_camera, before=None):
+def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_camera, before=None, *, loops=None):
     """The result and the share of moved pixels.  before: what the network made ``earlier`` of."""
     programs = Programs(context)
     keyframe = Keyframe(context, (earlier_camera.width, earlier_camera.height))
-    step = Reprojection(programs, (camera.width, camera.height))
+    step = Reprojection(programs, (camera.width, camera.height), loops=loops)
     textures = [texture(context, array) for array in (filled, depth, earlier_depth, *([] if before is None else [before]))]
     try:
         keyframe.take_depth(earlier_camera, *textures[2:])
@@ -58,9 +58,10 @@ def moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, earlier_
             owned.release()
 
 
-def test_a_moved_picture_is_that_of_the_reference(context, seed):
+@pytest.mark.parametrize("loops", [True, False])
+def test_a_moved_picture_is_that_of_the_reference(context, seed, loops):
     rng = np.random.default_rng(seed)
-    rows, columns, size = *rng.integers(20, 90, 2), tuple(int(n) for n in rng.integers(50, 90, 2))
+    rows, columns, size = *rng.integers((20, 20), (90, 600)), tuple(int(n) for n in rng.integers(50, 90, 2))
     width, height = int(columns), int(rows)
     filled, depth = opaque(rng, rows, columns, 0.1)
     before, earlier_depth = opaque(rng, size[1], size[0], 0.1)
@@ -73,7 +74,7 @@ def test_a_moved_picture_is_that_of_the_reference(context, seed):
                    look_at(eye + rng.uniform(-0.15, 0.15, 3), eye + (1, *rng.uniform(-0.05, 0.05, 2))))
     rows = (size[1] - BAND_ROWS) * (2 * np.arange(BANDS) + 1) // (2 * BANDS)
     smoothing = smoothing_of(*(np.stack([one[row : row + BAND_ROWS] for row in rows]) for one in (before, earlier)))
-    made, share = moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, other, before)
+    made, share = moved_by_gl(context, filled, depth, camera, earlier, earlier_depth, other, before, loops=loops)
     smoothing *= min(1.0, width / size[0]) ** 2
     turn = other.view_rotation @ camera.view_rotation.T
     shift = other.view_rotation @ (np.asarray(camera.position) - other.position)
