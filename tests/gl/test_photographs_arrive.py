@@ -44,7 +44,11 @@ def test_photographs_come_later_and_make_the_same_picture(context, wall):
         if streaming:
             plain = renderer.render(camera, Settings(view="filled", photos="off")).image("filled").copy()
             end = time.monotonic() + 60
-            while not renderer.photographs.library("wall")._coming[0].done() and time.monotonic() < end:
+            assert np.array_equal(frame.image("filled"), plain), "the points are sampled on a thread"
+            library = renderer.photographs.library("wall")
+            while not library._coming and time.monotonic() < end:
+                renderer.render(camera, settings, streaming=True)
+            while not library._coming[0].done() and time.monotonic() < end:
                 time.sleep(0.01)
             steps = [plain.astype(int)]
             while len(steps) < 2 or (renderer.photographs.arrived and len(steps) < 20):

@@ -62,14 +62,23 @@ class KeptPhotographs:
         self.colours = context.texture(like.colours.size, 4, dtype="f1")
         self.grid = context.texture(like.grid.size, 1, dtype="f4")
         self._targets = context.framebuffer([self.colours]), context.framebuffer([self.grid])
+        self._sources: tuple[PhotoColours, list[moderngl.Framebuffer]] | None = None  # of what was copied last
 
     def take(self, photographs: PhotoColours) -> None:
         """Copies what they hold now."""
-        for target, texture in zip(self._targets, (photographs.colours, photographs.grid), strict=True):
-            source = self._context.framebuffer([texture])
+        if self._sources is None or self._sources[0] is not photographs:
+            self._forget_source()
+            made = [self._context.framebuffer([texture]) for texture in (photographs.colours, photographs.grid)]
+            self._sources = photographs, made
+        for target, source in zip(self._targets, self._sources[1], strict=True):
             self._context.copy_framebuffer(target, source)
+
+    def _forget_source(self) -> None:
+        for source in self._sources[1] if self._sources is not None else ():
             source.release()
+        self._sources = None
 
     def release(self) -> None:
+        self._forget_source()
         for owned in (*self._targets, self.colours, self.grid):
             owned.release()

@@ -62,6 +62,8 @@ class PhotoLibrary:
         self._fits: dict[int, PhotoFit | None] = {}
         self._coming: dict[int, Future[PreparedPhoto | None]] = {}
         self._threads: ThreadPoolExecutor | None = None
+        self._survey: Future[None] | None = None
+        self._unsurveyed = False  # whether the last picture lacked photographs since nothing was known of the points
         self._sampling = threading.Lock()
         self._chosen: tuple[tuple, list[int]] | None = None
         self._lone: tuple[int, Future[PhotoPool]] | None = None
@@ -130,7 +132,10 @@ class PhotoLibrary:
 
     def ready(self, camera: "Camera", *, wait: bool) -> list[int]:
         """Numbers of the photographs in reach that are in the pool now.  wait: for all of them; else a thread prepares them,
-        and each fades in over FADE pictures."""
+        and each fades in over FADE pictures, the first one once the points have been sampled, also on a thread."""
+        self._unsurveyed = not (wait or self._surveyed())
+        if self._unsurveyed:
+            return []
         wanted = [number for number in self.in_reach(camera) if self._fits.get(number, True) is not None]
         absent = [number for number in wanted if number not in self.pool]
         if absent:
@@ -178,7 +183,23 @@ class PhotoLibrary:
     @property
     def arrived(self) -> bool:
         """Whether a photograph that the last picture lacked is there now, or one in it has not faded in."""
+        if self._unsurveyed:
+            return self._survey is not None and self._survey.done()
         return self._fading or (self.missing > 0 and any(coming.done() for coming in self._coming.values()))
+
+    def _surveyed(self) -> bool:
+        """Whether the points are sampled and the photographs can be chosen; else a thread begins with it: half a second."""
+        if "_geometry" in self.__dict__ and "_places" in self.__dict__:
+            return True
+        if self._survey is None:
+            self._survey = self._pool_of_threads().submit(self._look_at_points)
+            self._survey.add_done_callback(lambda _: self._wake())
+        if self._survey.done():
+            self._survey.result()  # raises what it raised
+        return self._survey.done()
+
+    def _look_at_points(self) -> None:
+        self._places, self._geometry  # noqa: B018 (they are kept)
 
     def _begin(self, numbers: list[int]) -> None:
         for number in numbers:

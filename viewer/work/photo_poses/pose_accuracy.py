@@ -32,7 +32,8 @@ def pose_within(points: np.ndarray, rotation: np.ndarray, shift: np.ndarray, foc
         inverse = np.linalg.inv(normal)
     except np.linalg.LinAlgError:
         return np.inf, np.inf
-    cell = np.clip((places * CELLS).astype(int), 0, CELLS - 1) @ (1, CELLS)
+    column, row = np.clip((places * CELLS).astype(np.intp), 0, CELLS - 1).T
+    cell = row * CELLS + column
     pulls = np.zeros((CELLS * CELLS, 7))
     np.add.at(pulls, cell, np.einsum("nk,nka->na", apart, slopes))
     used = len(np.unique(cell))
