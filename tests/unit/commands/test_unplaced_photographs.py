@@ -61,9 +61,10 @@ def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, m
         matrix = np.array(one.camera_to_world)
         turned = np.degrees(np.arccos(np.clip((np.trace(matrix[:3, :3].T @ turn(yaw, 0.1)[0]) - 1) / 2, -1, 1)))
         assert np.linalg.norm(matrix[:3, 3] - AWAY - place) < 0.06 and turned < 0.5 and abs(one.focal / 420 - 1) < 0.05
+        assert one.within is not None and one.within[0] < 0.2 and one.within[1] < 1.0
     assert "elsewhere.png: where it was taken was not found" in caplog.text and "residual" not in caplog.text
     said = capsys.readouterr().err
-    assert said.count("one.jpg: taken at") == 1 and "residual" in said  # no warning
+    assert said.count("one.jpg: taken at") == 1 and "degrees (95 %)" in said  # no warning
     assert "a.jpg is neither JPEG nor PNG (first bytes b'no p'); export it again; left out" in caplog.text
     assert (np.asarray(Image.open(tmp_path / "out" / "here.provenance.png")) == 4).mean() > 0.1
     monkeypatch.setattr(photo_search.PhotoSearch, "_rendered", None)  # what was found is kept

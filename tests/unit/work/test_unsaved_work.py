@@ -37,7 +37,7 @@ CHANGES: dict[str, object] = {
     "annotations": (Annotation("a note", (0.0, 0.0, 0.0)),), "lock_measured": True, "ghosts": "dimmed",
     "hidden_classes": (7,), "regions": (Region("wall", POINTS),), "reclassified": (ClassChange(6, POINTS),),
     "selection": POINTS, "meshes": (MeshLayer("model.glb"),),
-    "photographs": (PlacedPhotograph("a.jpg", "a", 640, 480, 500.0, MOVED, 0.8, 90),),
+    "photographs": (PlacedPhotograph("a.jpg", "a", 640, 480, 500.0, MOVED, 0.8, 90, None, (0.1, 0.3), True),),
     "comparison": DateComparison(("before.laz", 8), ("after.laz", 8)),
 }  # fmt: skip
 """Another value of each field that a person works on."""
