@@ -199,7 +199,8 @@ class PhotoLibrary:
         return self._survey.done()
 
     def _look_at_points(self) -> None:
-        self._places, self._geometry  # noqa: B018 (they are kept)
+        for kept in ("_places", "_geometry"):
+            getattr(self, kept)
 
     def _begin(self, numbers: list[int]) -> None:
         for number in numbers:
