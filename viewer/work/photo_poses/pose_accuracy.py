@@ -12,9 +12,9 @@ CONFIDENCE = 0.95
 CELLS = 4
 """Parts of a picture along each side in which residuals may err alike."""
 DEPENDENT = 2.0
-"""How many times as far off poses are as matches with independent errors would make them: several features lie at one place, and
-both pictures show one surface of sparse points.  44 fits to rendered views of living-room and dining-room, half of them with a
-stated focal length: 95 % of the places lie within twice the radius, half within it; so do 46 of 49 fits in kitchen and
+"""How many times as far off poses are as matches with independent errors would make them: features lie at one place, and
+both pictures show one surface of sparse points.  44 fits to rendered views of living-room and dining-room, half of them with
+the focal length stated: 95 % of the places lie within twice the radius, half within it.  So do 46 of 49 fits in kitchen and
 staircase2, in which it was not chosen."""
 STATED = 0.05
 """Standard deviation of a stated focal length, as a share of it."""
