@@ -9,7 +9,7 @@ from typing import Any
 
 from numba import njit
 from numba.core import config as _numba_config
-from numba.core import event
+from numba.core import event, types
 from numba.core.caching import FunctionCache
 
 from .compiled_in import digest
@@ -57,7 +57,13 @@ class _Cache(FunctionCache):
     """numba's, which also looks at what is compiled into a loop from other modules."""
 
     def _index_key(self, sig, codegen) -> Any:
-        return (*super()._index_key(sig, codegen), digest(self._py_func))
+        return (*super()._index_key(sig, codegen), digest(self._py_func), _fields_in(sig))
+
+
+def _fields_in(kinds) -> tuple:
+    """Names of the fields of the named tuples among the types of arguments, at any depth: compiled code has their order, and
+    numba compares only their class and types."""
+    return tuple((getattr(kind, "fields", ()), _fields_in(kind)) for kind in kinds if isinstance(kind, types.BaseTuple))
 
 
 def _cached(function, options: dict):

@@ -16,8 +16,8 @@ WHOLE = np.array([0, 0, 0, SHARES - 1, SHARES - 1, SHARES - 1], np.uint8)
 def boxes_of(marks: np.ndarray) -> np.ndarray:
     """(C, 6) uint8 for every cell: the first sixteenth that holds a point along x, y and z, and the last.
 
-    marks: (threads, C) int64, from viewer.grid.building.kernels.pack_points: bit SHARES * axis + sixteenth is set where a point
-    lies.
+    marks: (threads, C) int64, of viewer.grid.building.pack_kernels.pack_points: bit SHARES * axis + sixteenth is set where a
+    point lies.
     """
     together = np.bitwise_or.reduce(marks, axis=0)
     boxes = np.empty((len(together), 6), np.uint8)

@@ -14,7 +14,7 @@ from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import density_layers as layers
 from pointglass.viewer.grid import scene as scene_module
 from pointglass.viewer.grid.building import histogram as histogram_module
-from pointglass.viewer.grid.building import kernels
+from pointglass.viewer.grid.building import kernels, pack_kernels
 from pointglass.viewer.grid.building import scatter as scatter_module
 from pointglass.viewer.grid.building import two_passes as grid_module
 from pointglass.viewer.grid.open_scene import scene_from_arrays
@@ -218,11 +218,11 @@ def test_the_grid_does_not_depend_on_chunks_or_processors(monkeypatch):
 @pytest.mark.parametrize("processors", [1, 2, 5])
 def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
     """Pieces are packed on several threads, groups placed, some with delays; no two threads use an array at the same time."""
-    pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
+    pack, place, calls = pack_kernels.pack_points, pack_kernels.place_points, itertools.count()
     busy, shared, lock = {}, [], threading.Lock()
 
     def alone(work, own, *arguments):
-        names = [arguments[k].ctypes.data for k in own]
+        names = [array.ctypes.data for array in own]
         with lock:
             shared.extend(name for name in names if name in busy)
             busy.update(dict.fromkeys(names))
@@ -240,9 +240,13 @@ def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
     monkeypatch.setattr(scatter_module, "SLAB", 8_000)
     monkeypatch.setattr(scatter_module, "GROUP", 2_000)
     monkeypatch.setattr(grid_module, "processors", lambda: processors)
-    own = range(-4, 0)  # buckets, words, starts, marks
-    monkeypatch.setattr(kernels, "pack_points", lambda *a: alone(pack, [k for k in own if len(a[-4])], *a))
-    monkeypatch.setattr(kernels, "place_points", lambda *a: alone(place, (), *a))
+
+    def packed(points, buckets, pieces, marks):
+        own = [array for array in (*pieces, marks) if len(pieces.buckets)]
+        return alone(pack, own, points, buckets, pieces, marks)
+
+    monkeypatch.setattr(pack_kernels, "pack_points", packed)
+    monkeypatch.setattr(pack_kernels, "place_points", lambda *a: alone(place, (), *a))
     xyz, rgb = surface(60_000)
     made = scene_from_arrays(xyz, rgb)
     assert next(calls) > 30 and not shared

@@ -9,7 +9,7 @@ from cloud_files import write_ply
 from pointglass.viewer.commands.convert import convert
 from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.grid import cache, open_scene
-from pointglass.viewer.grid.building import kernels
+from pointglass.viewer.grid.building import pack_kernels
 from pointglass.viewer.grid.npy_column import NpyColumn
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.records import point_records
@@ -51,7 +51,7 @@ def test_numbers_beyond_32_bits_take_a_fifth_byte():
     runs, points = np.array([[0, 0], [count, 0]]), np.zeros((count, 3), np.uint32)
     low, high = np.zeros(count, np.uint32), np.zeros(count, np.uint8)
     starts, buckets = np.array([[0, count]], np.int32), np.zeros((1, count), np.int32)
-    kernels.place_points(buckets, words[None], starts, np.array([first]), 0, 1, runs, points, low, high)
+    pack_kernels.place_points(buckets, words[None], starts, np.array([first]), 0, 1, runs, points, low, high)
     found = PointRecords(low, high, np.array([0, first + count])).numbers(slice(None))
     assert sorted(found.tolist()) == numbers.tolist()
     assert (found & 0xFFFFFFFF).tolist() == points[:, 0].tolist()

@@ -18,7 +18,7 @@ from ...preprocess.point_colour import Colours
 from ...preprocess.scan_table import ScanTable
 from ..cell_boxes import boxes_of
 from ..records.point_records import PointRecords, ScanStarts
-from . import kernels
+from . import pack_kernels
 from .cell_layout import Layout
 from .count_points import CellCounts
 from .histogram import dense_table_of, table_of
@@ -87,7 +87,8 @@ class _Slab:
         total = max(int(layout.offsets[-1]), 1)
         groups = int(np.clip(total // GROUP, 1, MOST_GROUPS))
         group_of = (layout.offsets[:-1] * groups // total).clip(max=groups - 1).astype(np.uint8)  # of at most 2**40 points
-        self._grid = 1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells), layout.layers, group_of
+        self._targets = pack_kernels.Buckets(1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells),
+                                             layout.layers, group_of)  # fmt: skip
         pieces = max(1, min(SLAB, 2 * total + PIECE * processors) // PIECE)  # small scans leave pieces half empty
         self._buckets, self._words = np.empty((pieces, PIECE), np.int32), np.empty((pieces, PIECE, 4), np.uint32)
         self._starts, self._numbered = np.zeros((pieces, groups + 1), np.int32), np.zeros(pieces, np.int64)
@@ -111,8 +112,9 @@ class _Slab:
                 rows, pieces = slice(done + a * PIECE, done + b * PIECE), slice(self._used + a, self._used + b)
                 self._numbered[pieces] = first + done + np.arange(a, b) * PIECE
                 self._running.append(self._pool.submit(
-                    kernels.pack_points, xyz[rows], rgb[rows], bits[rows], scan[rows], first + rows.start, *self._grid,
-                    self._buckets[pieces], self._words[pieces], self._starts[pieces], marked))  # fmt: skip
+                    pack_kernels.pack_points,
+                    pack_kernels.ReadPoints(xyz[rows], rgb[rows], bits[rows], scan[rows], first + rows.start), self._targets,
+                    pack_kernels.Pieces(self._buckets[pieces], self._words[pieces], self._starts[pieces]), marked))  # fmt: skip
             self._used += wanted
             done += wanted * PIECE
 
@@ -131,7 +133,7 @@ class _Slab:
         edges = np.searchsorted(held, held[-1] * np.arange(1, jobs) // jobs, side="right")
         for a, b in itertools.pairwise(np.unique([0, *edges, len(held)]).tolist()):
             self._running.append(self._pool.submit(
-                kernels.place_points, self._buckets, self._words, starts, self._numbered, a, b, self._runs, self._points,
+                pack_kernels.place_points, self._buckets, self._words, starts, self._numbered, a, b, self._runs, self._points,
                 *self._records))  # fmt: skip
         self._used = 0
 

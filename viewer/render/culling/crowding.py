@@ -15,6 +15,7 @@ import numpy as np
 
 from ....model.common.jit import compiled
 from ...grid.projected_coverage import SQUARES, UNKNOWN
+from .culled_grid import block_middle, cell_middle, frustum_of, turned
 
 ENOUGH = 4.0
 """Times that a tile is covered before what lies behind is thinned.  Of 600 files of a campus, 640x480, one point a pixel, the
@@ -56,21 +57,16 @@ def tiles_of(u, v, half_u, half_v, wide, tall):
 
 
 @compiled(nogil=True)
-def cover_by_cells(coords, coverage, first, stop, size, shift, rotation, lens, tiles):
-    """Adds to tiles the pixels that the cells from row ``first`` to ``stop`` cover.  coords: (C, 3) int32.  coverage: (C, 3)
-    uint8, faces as in Scene.  Others as in :func:`crowded`."""
-    fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
-    rows, columns = tiles.shape
+def cover_by_cells(grid, frustum, block, tiles):
+    """Adds to tiles the pixels that the cells of a block cover.  Others as in :func:`crowded`."""
+    fx, fy, left, right, top, bottom = frustum.fx, frustum.fy, frustum.left, frustum.right, frustum.top, frustum.bottom
+    coords, coverage, size, (rows, columns) = grid.coords, grid.faces, grid.size, tiles.shape
     wide, tall, reach = (left + right) / columns, (top + bottom) / rows, 0.5 * np.sqrt(3.0) * size
-    for cell in range(first, stop):
-        px = (coords[cell, 0] + 0.5) * size + shift[0]
-        py = (coords[cell, 1] + 0.5) * size + shift[1]
-        pz = (coords[cell, 2] + 0.5) * size + shift[2]
-        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
+    for cell in range(block * grid.per, min((block + 1) * grid.per, coords.shape[0])):
+        px, py, pz = cell_middle(coords, cell, size, frustum.shift)
+        x, y, z = turned(frustum.rotation, (px, py, pz))
         if z < 2.0 * reach or coverage[cell, 0] == UNKNOWN:
             continue
-        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
-        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz
         x0, x1, y0, y1 = tiles_of(fx * x / z + left, fy * y / z + top, fx * reach / z, fy * reach / z, wide, tall)
         seen = coverage[cell, 0] * abs(px) + coverage[cell, 1] * abs(py) + coverage[cell, 2] * abs(pz)
         more = size * fx / z * (size * fy / z) * seen / (SQUARES * z * ((x1 - x0 + 1) * (y1 - y0 + 1) * wide * tall))
@@ -80,32 +76,23 @@ def cover_by_cells(coords, coverage, first, stop, size, shift, rotation, lens, t
 
 
 @compiled(nogil=True)
-def crowded(blocks, faces, coords, coverage, per, size, shift, rotation, lens, tiles, scratch, share):
-    """Writes share (B,) float64, which share of the points wanted of a block is drawn: 1 where few surfaces are in front.
-
-    blocks, size, shift, rotation, lens: as in visible_cells; of a pinhole camera.  faces: of faces_of_blocks.
-    tiles: (Y, X) float64, scratch.  scratch: of :func:`scratch_of`.
-    """
-    key, order, count, place = scratch
-    fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
-    rows, columns = tiles.shape
+def _place_blocks(grid, frustum, faces, tiles, scratch, share):
+    """Where each block lies in the picture, and how many have each depth; adds those around the camera to tiles, cell by
+    cell.  As in :func:`crowded`."""
+    key, _, count, place = scratch
+    fx, fy, left, right, top, bottom = frustum.fx, frustum.fy, frustum.left, frustum.right, frustum.top, frustum.bottom
+    blocks, size, (rows, columns) = grid.blocks, grid.size, tiles.shape
     wide, tall = (left + right) / columns, (top + bottom) / rows
     count[:] = 0
-    tiles[:] = 0.0
     for block in range(blocks.shape[0]):
         share[block], key[block] = 1.0, -1
-        px = blocks[block, 0] * size + shift[0]
-        py = blocks[block, 1] * size + shift[1]
-        pz = blocks[block, 2] * size + shift[2]
-        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz
+        px, py, pz = block_middle(blocks, block, size, frustum.shift)
+        x, y, z = turned(frustum.rotation, (px, py, pz))
         reach = size * np.sqrt(blocks[block, 3] ** 2 + blocks[block, 4] ** 2 + blocks[block, 5] ** 2)
         if z < 2.0 * reach:  # around the camera, or behind it: too near to be one depth, and in front of all that is not
             if z > -reach:
-                first, stop = block * per, min((block + 1) * per, coords.shape[0])
-                cover_by_cells(coords, coverage, first, stop, size, shift, rotation, lens, tiles)
+                cover_by_cells(grid, frustum, block, tiles)
             continue
-        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz
-        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz
         u, v, half_u, half_v = fx * x / z + left, fy * y / z + top, fx * reach / z, fy * reach / z
         if u + half_u < 0 or v + half_v < 0 or u - half_u > left + right or v - half_v > top + bottom:
             continue
@@ -116,14 +103,35 @@ def crowded(blocks, faces, coords, coverage, per, size, shift, rotation, lens, t
         place[block, 4] = size * fx / z * (size * fy / z) * seen / z / (touched * wide * tall)  # share of each tile
         key[block] = min(max(int(_OCTAVE * np.log2(z / size)) + _BINS // 2, 0), _BINS - 1)
         count[key[block] + 1] += 1
+
+
+@compiled(nogil=True)
+def _sort_by_depth(key, order, count):
+    """A counting sort of the blocks that have a depth.  Returns how many they are."""
     for number in range(_BINS):
         count[number + 1] += count[number]
     total = count[_BINS]
-    for block in range(blocks.shape[0]):
+    for block in range(key.shape[0]):
         if key[block] >= 0:
             order[count[key[block]]] = block
             count[key[block]] += 1
-    for number in range(total):
+    return total
+
+
+@compiled(nogil=True)
+def crowded(grid, camera, faces, tiles, scratch, share):
+    """Writes share (B,) float64, which share of the points wanted of a block is drawn: 1 where few surfaces are in front.
+
+    grid, camera: as in visible_cells; of a pinhole camera, and a scene with faces.  faces: of faces_of_blocks.
+    tiles: (Y, X) float64, receives how often each is covered.  scratch: of :func:`scratch_of`.
+    """
+    frustum = frustum_of(camera)
+    key, order, count, place = scratch
+    rows, columns = tiles.shape
+    wide, tall = (frustum.left + frustum.right) / columns, (frustum.top + frustum.bottom) / rows
+    tiles[:] = 0.0
+    _place_blocks(grid, frustum, faces, tiles, scratch, share)
+    for number in range(_sort_by_depth(key, order, count)):
         block = order[number]
         u, v, half_u, half_v = place[block, 0], place[block, 1], place[block, 2], place[block, 3]
         x0, x1, y0, y1 = tiles_of(u, v, half_u, half_v, wide, tall)

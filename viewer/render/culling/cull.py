@@ -13,7 +13,9 @@ import numpy as np
 
 from ...grid.density_layers import part_extra
 from .crowding import TILE, crowded, faces_of_blocks, scratch_of
-from .cull_kernels import list_runs, visible_cells
+from .cull_kernels import FoundCells, visible_cells
+from .culled_grid import BlockedCells, FrustumArrays
+from .layer_runs import CellLayers, RunLists, list_runs
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -42,6 +44,20 @@ class DrawList:
     points: int
 
 
+def frustum_arrays(camera: "Camera", scene: "Scene") -> FrustumArrays:
+    """The frustum that cells of a scene are culled against, _MARGIN wider than the camera's."""
+    rotation = np.ascontiguousarray(camera.view_rotation)
+    left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
+    top, bottom = camera.cy + _MARGIN, camera.height - camera.cy + _MARGIN
+    planes = np.array([(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)])
+    if camera.orthographic is not None:  # the sides are parallel to the line of sight
+        planes[:4, 2] = 0.0
+    return FrustumArrays(
+        scene.origin - camera.position, rotation, lens=np.array([camera.fx, camera.fy, left, right, top, bottom]),
+        parallel=float(camera.orthographic or 0.0), sides=np.abs(planes @ rotation),
+        corner=rotation @ np.full(3, 0.5 * (scene.step - scene.cell_size)))  # fmt: skip
+
+
 class Culler:
     """Selects cells and layers.  Holds data derived from the scene, and the arrays that it writes into.
 
@@ -51,38 +67,31 @@ class Culler:
 
     def __init__(self, scene: "Scene", *, block: int = BLOCK):
         self.scene = scene
-        self._coords = np.ascontiguousarray(scene.cell_coords, np.int32)
-        self._offsets = np.asarray(scene.offsets, np.int64)
-        self._block = block
-        cells = len(self._coords)
+        cells, coords = len(scene.cell_coords), np.ascontiguousarray(scene.cell_coords, np.int32)
         starts = np.arange(0, cells, block)
-        low = np.minimum.reduceat(self._coords, starts).astype(np.float64)
-        high = np.maximum.reduceat(self._coords, starts).astype(np.float64)
-        self._blocks = np.hstack([(low + high + 1) / 2, (high - low + 1) / 2])
-        self._cells = np.empty(cells, np.int32)
-        self._cell_view = np.empty((cells, 4), np.float32)
-        self._need = np.empty(cells)
-        self._extra = part_extra(scene.parts)
-        self._coverage = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
-        self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
-        self._faces = np.empty((len(self._blocks), 3)) if len(self._coverage) else np.empty((0, 3))
-        faces_of_blocks(self._coverage, block, self._faces)
-        self._scratch, self.share = scratch_of(len(self._faces)), np.ones(len(self._faces))
+        low = np.minimum.reduceat(coords, starts).astype(np.float64)
+        high = np.maximum.reduceat(coords, starts).astype(np.float64)
+        self._grid = BlockedCells(
+            coords, float(scene.cell_size), np.hstack([(low + high + 1) / 2, (high - low + 1) / 2]), block,
+            faces=np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces),
+            boxes=np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes))  # fmt: skip
+        self._layers = CellLayers(np.asarray(scene.offsets, np.int64), scene.layers, cells, part_extra(scene.parts))
+        self._found = FoundCells(np.empty(cells, np.int32), np.empty((cells, 4), np.float32), np.empty(cells))
+        self._faces = np.empty((len(starts) if len(self._grid.faces) else 0, 3))
+        faces_of_blocks(self._grid.faces, block, self._faces)
+        self._crowding, self.share = scratch_of(len(self._faces)), np.ones(len(self._faces))
         self._tiles = np.empty((0, 0))
-        self._held = np.empty(cells, np.int64)
-        self._active = np.empty(cells, np.int32)
+        self._scratch = np.empty(cells, np.int64), np.empty(cells, np.int32)
         self._reserve(0)
         self._run(0, 0.0)  # loads the compiled loops now, not in the first frame
 
     def _reserve(self, runs: int) -> None:
         """Makes the lists long enough for ``runs`` runs."""
         size = 1 << max(runs - 1, 1023).bit_length()
-        self._first, self._count = np.empty(size, np.int64), np.empty(size, np.int64)
-        self._slot = np.empty(size, np.int32)
+        self._runs = RunLists(np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int32))
 
     def _run(self, visible: int, lod: float) -> tuple[int, int, int]:
-        return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need,
-                         self._extra, self._held, self._active, self._first, self._count, self._slot)  # fmt: skip
+        return list_runs(self._layers, self._found, visible, lod, self._scratch, self._runs)
 
     def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
@@ -91,29 +100,13 @@ class Culler:
         out, or behind the camera.  lod: points wanted per pixel, stored for each cell; 0: all.  With it, cells so small in the
         picture that they stand for each other are left out, too (viewer.render.culling.cull_kernels.FEW).
         """
-        size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
-        left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
-        top, bottom = camera.cy + _MARGIN, camera.height - camera.cy + _MARGIN
-        planes = np.array(
-            [(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)]
-        )
-        if camera.orthographic is not None:  # the sides are parallel to the line of sight
-            planes[:4, 2] = 0.0
-        sides = np.abs(planes @ rotation)
-        corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
-        lens, shift = np.array([camera.fx, camera.fy, left, right, top, bottom]), self.scene.origin - camera.position
-        share = self.share[:0]
+        frustum, share = frustum_arrays(camera, self.scene), self.share[:0]
         if lod > 0.0 and camera.orthographic is None and len(self._faces):
-            grid, share = (-(-camera.height // TILE), -(-camera.width // TILE)), self.share
-            if self._tiles.shape != grid:
-                self._tiles = np.empty(grid)
-            crowded(self._blocks, self._faces, self._coords, self._coverage, self._block, size, shift, rotation, lens,
-                    self._tiles, self._scratch, share)  # fmt: skip
-        found = visible_cells(
-            self._coords, self._blocks, self._block, size, shift, rotation, lens, camera.orthographic or 0.0, sides, corner,
-            lod, self._coverage, self._boxes, share, self._cells, self._cell_view, self._need,
-        )  # fmt: skip
-        return self._cells[:found]
+            tiles, share = (-(-camera.height // TILE), -(-camera.width // TILE)), self.share
+            if self._tiles.shape != tiles:
+                self._tiles = np.empty(tiles)
+            crowded(self._grid, frustum, self._faces, self._tiles, self._crowding, share)
+        return self._found.rows[: visible_cells(self._grid, frustum, lod, share, self._found)]
 
     def select(self, camera: "Camera", lod: float | None = None) -> DrawList:
         """The draw list of a camera.
@@ -124,14 +117,14 @@ class Culler:
         wanted = 0.0 if lod is None else float(lod)
         cells = self.visible(camera, wanted)
         runs, points, room = self._run(len(cells), wanted)
-        if room > len(self._first):
+        if room > len(self._runs.first):
             self._reserve(room)
             runs, points, _ = self._run(len(cells), wanted)
         return DrawList(
-            first=self._first[:runs],
-            count=self._count[:runs],
-            slot=self._slot[:runs],
-            cell_view=self._cell_view[: len(cells)],
+            first=self._runs.first[:runs],
+            count=self._runs.size[:runs],
+            slot=self._runs.slot[:runs],
+            cell_view=self._found.cell_view[: len(cells)],
             axes=(camera.view_rotation * self.scene.step).astype(np.float32),
             cells=cells,
             points=points,
