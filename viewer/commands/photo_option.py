@@ -66,14 +66,14 @@ def _placed(renderer: "Renderer", unplaced: UnplacedFolder) -> "list[PosedPhotog
     from ..work.document import Document
     from .photo_placing.photo_search import PhotoSearch, of_file, told
 
-    search, placed = PhotoSearch(renderer, Document()), []
+    search, placed, metre = PhotoSearch(renderer, Document()), [], renderer.scene.meta.metres_per_unit
     for path in unplaced.paths:
         found = search.find(of_file(path))
         if isinstance(found, PlacedPhotograph):
             placed.append(posed(found))
-            print(f"pointglass: {told(found, str(path))}", file=sys.stderr)
+            print(f"pointglass: {told(found, str(path), metre)}", file=sys.stderr)
         else:
-            _log.warning("%s", told(found, str(path)))
+            _log.warning("%s", told(found, str(path), metre))
     if not placed:
         raise InputError("where its photographs were taken was not found in the scan", file=unplaced.folder,
                          remedy="add transforms.json or a COLMAP model in the scan's coordinates")

@@ -51,7 +51,7 @@ def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, m
     monkeypatch.setattr(photo_search, "PLACES", 2)
     found = {}
     told = photo_search.told
-    monkeypatch.setattr(photo_search, "told", lambda one, name: found.update({name: one}) or told(one, name))
+    monkeypatch.setattr(photo_search, "told", lambda one, name, *unit: found.update({name: one}) or told(one, name, *unit))
     arguments = ["render", str(scan), "--cameras", str(cameras), "--view", "filled", "--photos", str(taken), "--aux"]
     with caplog.at_level(logging.WARNING):
         assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
@@ -64,7 +64,7 @@ def test_plain_pictures_are_placed_in_the_scan_and_colour_it(tmp_path, caplog, m
         assert one.within is not None and one.within[0] < 0.2 and one.within[1] < 1.0
     assert "elsewhere.png: where it was taken was not found" in caplog.text and "residual" not in caplog.text
     said = capsys.readouterr().err
-    assert said.count("one.jpg: taken at") == 1 and "degrees (95 %)" in said  # no warning
+    assert said.count("one.jpg: taken at") == 1 and "° (95 %)" in said  # no warning
     assert "a.jpg is neither JPEG nor PNG (first bytes b'no p'); export it again; left out" in caplog.text
     assert (np.asarray(Image.open(tmp_path / "out" / "here.provenance.png")) == 4).mean() > 0.1
     monkeypatch.setattr(photo_search.PhotoSearch, "_rendered", None)  # what was found is kept

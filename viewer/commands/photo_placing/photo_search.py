@@ -20,6 +20,7 @@ from ...readers.photographs.placed_photographs import bytes_of
 from ...readers.photographs.posed_photograph import PosedPhotograph
 from ...render.photographs.photo_fit import PointSample, as_stated, point_sample
 from ...work.document import Document
+from ...work.measuring.measure_text import unit_name
 from ...work.photo_poses.picture_features import opencv
 from ...work.photo_poses.pose_search import LONGEST, NotFound, find_pose
 from ...work.photo_poses.reference_views import PER_PLACE, ReferenceView, around, outside, view_of
@@ -137,18 +138,18 @@ class PhotoSearch:
         return views
 
 
-def told(found: PlacedPhotograph | NotFound, name: str) -> str:
-    """In words: with which certainty a photograph was placed, or why not."""
+def told(found: PlacedPhotograph | NotFound, name: str, metres_per_unit: float | None) -> str:
+    """In words: with which certainty a photograph was placed, or why not.  metres_per_unit: of the scene."""
     if isinstance(found, NotFound):
         return f"{name}: where it was taken was not found: {found.why}"
     x, y, z = (row[3] for row in found.camera_to_world[:3])
-    return (f"{name}: taken at {x:.3f} {y:.3f} {z:.3f}{accuracy(found)}; {found.matches} features agree with the scan, "
-            f"residual {found.residual:.1f} pixels of {found.width}x{found.height}")
+    return (f"{name}: taken at {x:.3f} {y:.3f} {z:.3f}{accuracy(found, metres_per_unit)}; {found.matches} features agree "
+            f"with the scan, residual {found.residual:.1f} pixels of {found.width}x{found.height}")
 
 
-def accuracy(found: PlacedPhotograph) -> str:
-    """In words, what follows the place of a photograph."""
+def accuracy(found: PlacedPhotograph, metres_per_unit: float | None) -> str:
+    """Of a place and direction, in words that follow them."""
     if found.within is None:
         return ", uncertain" if found.uncertain else ""
-    within = f"within {found.within[0]:.2g} units and {found.within[1]:.2g} degrees (95 %)"
-    return f", uncertain: {within}" if found.uncertain else f", {within}"
+    unit = unit_name(metres_per_unit)
+    return f" ± {found.within[0]:.2g} {unit}, ± {found.within[1]:.2g}° (95 %){', uncertain' if found.uncertain else ''}"

@@ -84,7 +84,7 @@ class PhotoPlacer:
             return
         scene, views, found = done.result
         self._views = (ref(scene), views) if views is not None else self._views
-        self.said = [told(one, name) for name, one in found]
+        self.said = [told(one, name, scene.meta.metres_per_unit) for name, one in found]
         placed = [one for _, one in found if isinstance(one, PlacedPhotograph)]
         if scene is not context.scene:
             return
@@ -105,17 +105,18 @@ class PhotoPlacer:
 
     def draw(self, ui: Any, context: ToolContext, viewed: StoredPicture | None) -> None:
         """The placed photographs, and the buttons that search.  viewed: the photograph of the scan that is looked at."""
+        metre = None if context.scene is None else context.scene.meta.metres_per_unit
         if context.document.photographs:
             ui.text_unformatted("Photographs placed by search")
         for number, placed in enumerate(context.document.photographs):
             ui.push_id(8000 + number)
-            text = f"{placed.name}{accuracy(placed)}"
+            text = f"{placed.name}{accuracy(placed, metre)}"
             shown = self._shown is not None and self._shown[0] == placed and _is_over(context, self._shown[1])
             if ui.selectable(fitted(text, ui.get_content_region_avail().x - 40), shown, 0,
                              (max(ui.get_content_region_avail().x - 40, 1), 0))[0]:  # fmt: skip
                 self.show(context, placed)
             if ui.is_item_hovered():
-                tooltip_beside(ui, f"{told(placed, placed.name)}. A click shows it in its place")
+                tooltip_beside(ui, f"{told(placed, placed.name, metre)}. A click shows it in its place")
             ui.same_line()
             if compact_button(icons.REMOVE, context.theme):
                 kept = tuple(one for one in context.document.photographs if one is not placed)
