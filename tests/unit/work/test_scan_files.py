@@ -10,6 +10,7 @@ from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
 from pointglass.viewer.picture.look import Look
 from pointglass.viewer.window.flight.start_viewpoint import near_survey, start_camera, survey
 from pointglass.viewer.work.document import Document
+from pointglass.viewer.work.places.start_view import standing_view_in
 from pointglass.viewer.work.scan_files import files_of, main_place, sample_of_file
 
 
@@ -68,3 +69,19 @@ def test_the_next_scan_is_not_shown_as_the_one_that_was_coloured_by_class():
     views.show("raw")  # chosen by a person
     views.begin(replace(Document()))
     assert views.settings.view == "raw"
+
+
+def test_a_file_of_a_place_is_shown_from_within_where_one_can_stand(tmp_path, seed):
+    random, size, files = np.random.default_rng(seed), np.array([6.0, 5.0, 3.0]), []
+    for number in range(2):  # two rooms, wall to wall
+        xyz = random.random((60_000, 3))
+        xyz[np.arange(60_000), random.integers(0, 3, 60_000)] = random.integers(0, 2, 60_000)
+        rgb = random.integers(60, 256, (60_000, 3), dtype=np.uint8)
+        files.append(write_las(tmp_path / f"{number}.las", xyz * size + (6.0 * number, 0.0, 0.0), rgb))
+    scene = open_scene(files, cache=False)
+    for number, part in enumerate(files_of(scene)):
+        own = sample_of_file(scene, survey(scene), part)
+        assert own is not None
+        view = standing_view_in(scene, own, np.eye(3))
+        assert view is not None
+        assert (view[0] > (6.0 * number, 0.0, 0.0)).all() and (view[0] < (6.0 + 6.0 * number, 5.0, 3.0)).all()

@@ -12,7 +12,7 @@ from ...picture.camera import Camera
 from ...preprocess.scan_description import WarningTopic
 from ...work.document import Document
 from ...work.places.standing_place import viewpoint_worth
-from ...work.places.start_view import standing_view
+from ...work.places.start_view import standing_view, standing_view_in
 from ...work.places.up_axis import turned, upright_axes
 from ...work.project import project_beside
 from ...work.scan_files import FilePart, sample_of_file
@@ -137,11 +137,13 @@ class ShownScan:
             self._flight.begin(start_state(self.scene, self._seen, aspect, up), self._seen)
 
     def show_file(self, part: FilePart, document: Document, aspect: float) -> bool:
-        """Flies to a view of one file, from outside.  Returns False where too few of its points are known."""
+        """Flies to a view of one file, from within where one can stand there.  Returns False where too few of its points are
+        known."""
         seen = None if self.scene is None or self._seen is None else sample_of_file(self.scene, self._seen, part)
-        if seen is None:
+        if self.scene is None or seen is None:
             return False
-        self._flight.glide_to(state_of(None, replace(seen, speed=speed_in(seen)), aspect, document.up))
+        standing = standing_view_in(self.scene, seen, upright_axes(document.up))
+        self._flight.glide_to(state_of(standing, replace(seen, speed=speed_in(seen)), aspect, document.up))
         return True
 
     def end(self) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ....model.common.process.processors import each
 from .free_places import free_places
-from .outside_view import outside_view
+from .outside_view import outside_sample, outside_view
 from .small_picture import PictureSample, PictureScore, picture_sample, score
 from .standing_place import (
     ENCLOSED,
@@ -98,7 +98,20 @@ def standing_view(scene: "Scene", seen: Sampled, upright: np.ndarray | None = No
     upright: (3, 3) as in viewer.work.places.up_axis, where another direction than +z is up.
     """
     upright = np.eye(3) if upright is None else upright
-    view = start_view(view_sample(scene, seen, upright), turned(seen, upright), scanner_positions(scene, seen) @ upright)
+    return _standing(view_sample(scene, seen, upright), scene, seen, upright)
+
+
+def standing_view_in(scene: "Scene", part: Sampled, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """The same inside a part of the scene, one file among several: from outside other files would stand before it.
+
+    part: the sample with the points of that file only.
+    """
+    return _standing(outside_sample(turned(part, upright)), scene, part, upright)
+
+
+def _standing(sample: PictureSample, scene: "Scene", seen: Sampled,
+              upright: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    view = start_view(sample, turned(seen, upright), scanner_positions(scene, seen) @ upright)
     return None if view is None else (upright @ view.position, upright @ view.direction)
 
 
