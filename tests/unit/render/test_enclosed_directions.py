@@ -153,10 +153,18 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     closed = surroundings.closed(eye).ravel()
     up = np.flatnonzero(module._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
     assert not closed[up].any()
-    assert surroundings.around(eye).occupancy is not None
+    assert surroundings.around(eye).occupancy is surroundings.occupancy, "with its gaps: leaves and wires are before the sky"
     height = module._centres()[:, 2]
     low = height < -np.sin(np.radians(module.GROUND_DIP))
     assert (closed[low] == SEALED).all() and (closed[~low] == OPEN).all(), "there picture and blocks decide"
+
+
+def test_narrow_gaps_are_closed_in_a_room_of_which_a_side_was_not_scanned(seed):
+    points = walls(np.random.default_rng(seed))
+    points = points[(points[:, 0] < 3.5) | (points[:, 2] < 1)]
+    surroundings = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    for eye in ((2.8, 2.5, 1.5), (3.0, 2.2, 1.4)):
+        assert surroundings.around(np.array(eye)).occupancy is surroundings.occupancy_inside
 
 
 def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(seed):

@@ -4,7 +4,7 @@ import numpy as np
 
 from pointglass.model.reference.ray_march import IN_SURFACE, INNER, LOOSE, NOTHING, START_IN_SURFACE, TOUCHED, march
 from pointglass.viewer.grid.open_scene import scene_from_arrays
-from pointglass.viewer.render.culling.occupancy import codes_of, occupancy_of
+from pointglass.viewer.render.culling.occupancy import Occupancy, codes_of, occupancy_of, without_gaps
 
 
 def slab(extent: int = 24) -> np.ndarray:
@@ -38,6 +38,18 @@ def test_empty_blocks_say_how_far_the_next_is(seed):
     for at in np.ndindex(held.shape):
         if not held[at]:
             assert codes[at] == np.abs(places - at).max(axis=1).min()
+
+
+def test_narrow_gaps_of_a_wall_count_as_the_wall_and_doors_and_the_space_around_it_do_not():
+    held = slab(40)
+    held[10:30, 15:17, 3] = held[20:26, 25:32, 3] = False  # two blocks wide, and six
+    lattice = without_gaps(Occupancy(codes_of(held), np.zeros(3), 1.0, 0.3))
+    codes = lattice.codes
+    assert (codes[10:30, 15:17, 3] == LOOSE).all() and (codes[20:26, 25:32, 3] > LOOSE).all()
+    assert (codes[~held & (np.arange(12) > 4)] > LOOSE).all() and (codes[:3] > LOOSE).all()
+    down = np.array([[[0.0, 0.0, -1.0]]], np.float32)
+    for codes, found in ((codes_of(held), NOTHING), (lattice.codes, TOUCHED)):
+        assert march(codes, np.array([20.0, 15.9, 11.5]), down, np.ones((1, 1), np.float32), 1e6)[0, 0] == found
 
 
 def test_rays_meet_what_stands_in_their_way():

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...grid.scene import packed, positions
 from .direction_kernels import close_directions, mark_directions, mark_near, settle_holes
-from .occupancy import Occupancy, occupancy_of
+from .occupancy import Occupancy, occupancy_of, without_gaps
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -54,6 +54,9 @@ over three streets had 0.14 to 0.33, the largest hole of rooms less than 0.03.""
 GROUND_DIP = 15.0
 """Degrees below the horizon beyond which, outdoors, cells are closed where there is ground all around; nearer to the horizon
 they extend beyond the scan.  With 10 or 22.5 degrees, no direction changes at 128 viewpoints in eight scans."""
+ROOF = 0.5
+"""Least share of the directions more than 45 degrees above the horizon that hold points under a roof: in a room of which a side
+was not scanned, and neither in a street nor beside a statue."""
 OPEN, CLOSED, SEALED = 0, 1, 2
 """State of a direction: background; filled; filled, and the network must keep it."""
 _SAMPLES = 24576
@@ -128,6 +131,7 @@ class Enclosure:
     def __init__(self, scene: "Scene"):
         self._scene = scene
         self._occupancy: Occupancy | None = None
+        self._no_gaps: Occupancy | None = None
         coords = np.asarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
         shift, starts = 0, np.arange(len(coords))
         while len(starts) > _SAMPLES:
@@ -146,6 +150,7 @@ class Enclosure:
         self._first = np.zeros(len(starts) + 1, np.int64)
         np.cumsum(np.bincount(of_points, minlength=len(starts)), out=self._first[1:])
         self._below = _centres()[:, 2] < 0
+        self._above = _centres()[:, 2] > np.sqrt(0.5)
         self._low = _centres()[:, 2] < -np.sin(np.radians(GROUND_DIP))
         self._scanned = np.empty(len(self._below), bool)
         self._hole, self._queue = np.empty((2, len(self._below)), np.int32)
@@ -158,17 +163,26 @@ class Enclosure:
             self._occupancy = occupancy_of(self._scene)
         return self._occupancy
 
+    @property
+    def occupancy_inside(self) -> Occupancy:
+        """The same for a camera under a roof."""
+        if self._no_gaps is None:
+            self._no_gaps = without_gaps(self.occupancy)
+        return self._no_gaps
+
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, the state of each direction from ``position`` (3,)."""
         return self._look(position)[0]
 
     def around(self, position: np.ndarray) -> Directions:
         """The state of the directions from ``position`` (3,), and outdoors the scan's surfaces."""
-        closed, outdoors = self._look(position)
-        return Directions(closed, self.occupancy if outdoors else None)
+        closed, outdoors, roofed = self._look(position)
+        if not outdoors:
+            return Directions(closed)
+        return Directions(closed, self.occupancy_inside if roofed else self.occupancy)
 
-    def _look(self, position: np.ndarray) -> tuple[np.ndarray, bool]:
-        """The state of each direction; whether the position is outdoors."""
+    def _look(self, position: np.ndarray) -> tuple[np.ndarray, bool, bool]:
+        """The state of each direction; whether the position is outdoors; whether under a roof."""
         closed, walks, scanned = np.empty(len(self._scanned), np.int8), _walks(), self._scanned
         eye = np.asarray(position, np.float64)
         scanned[:] = False
@@ -186,7 +200,7 @@ class Enclosure:
             closed[closed > 0] = SEALED
         elif ground:
             closed[(closed > 0) & self._below] = SEALED
-        return closed.reshape(6 * SIDE, SIDE), outdoors
+        return closed.reshape(6 * SIDE, SIDE), outdoors, bool(scanned[self._above].mean() >= ROOF)
 
 
 def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,12 +7,12 @@ decides as well.  Blocks are fixed in the world, so that the answer does not dep
 from frame to frame.  World axes, file units, no OpenGL; the march is ``shaders/hole_march.comp``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....model.reference.ray_march import INNER
+from ....model.reference.ray_march import INNER, LOOSE
 from ...grid.scene import packed, positions
 
 if TYPE_CHECKING:
@@ -69,11 +69,39 @@ def codes_of(held: np.ndarray) -> np.ndarray:
     inner = [held & ndimage.binary_erosion(_dilated(held, axis), _plane(axis)) for axis in range(3)]
     near = [ndimage.binary_dilation(one, np.ones((3, 3, 3))) for one in inner]
     edges = held & (near[0].astype(np.int8) + near[1] + near[2] >= 2)
-    away = np.asarray(ndimage.distance_transform_cdt(~held, "chessboard") if held.any() else np.full(held.shape, held.size))
-    codes = np.clip(away, 0, INNER - 1).astype(np.uint8)
+    codes = _distances(held)
     thin = ndimage.convolve(held.astype(np.uint8), np.ones((3, 3, 3), np.uint8), mode="constant") <= THIN
     codes[(inner[0] | inner[1] | inner[2] | edges) & thin] = INNER
     return codes
+
+
+def without_gaps(occupancy: Occupancy) -> Occupancy:
+    """The lattice with narrow gaps of surfaces, up to two blocks wide, counted as blocks that hold points.
+
+    A ray that leaves through such a gap (in the shadow of a pipe, for example) then sees background only if the picture around
+    it says so, too.  For a camera in a room of which a part was not scanned: from outside, openings between the parts of a
+    machine would count as gaps.  In the first picture of two pieces of a plant room at one in 25 points 1.5 % of the pixels were
+    not opaque, and 0.5 % are; in six views of the same part of it, at 10, 4 and 2 %, no more of the true background is filled.
+    """
+    from scipy import ndimage
+
+    held = (occupancy.codes == LOOSE) | (occupancy.codes == INNER)
+    surface = held & ndimage.binary_dilation(occupancy.codes == INNER, np.ones((3, 3, 3)))
+    closed = held.copy()
+    for axis in range(3):
+        thick = _dilated(surface, axis)
+        closed |= ndimage.binary_closing(thick, _plane(axis)) & ~thick
+    codes = _distances(closed)
+    codes[occupancy.codes == INNER] = INNER
+    return replace(occupancy, codes=codes)
+
+
+def _distances(held: np.ndarray) -> np.ndarray:
+    """(X, Y, Z) uint8: LOOSE where a block counts, else the distance to the nearest one, below INNER."""
+    from scipy import ndimage
+
+    away = np.asarray(ndimage.distance_transform_cdt(~held, "chessboard") if held.any() else np.full(held.shape, held.size))
+    return np.clip(away, LOOSE, INNER - 1).astype(np.uint8)
 
 
 def _plane(axis: int) -> np.ndarray:
