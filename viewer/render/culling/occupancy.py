@@ -80,7 +80,7 @@ def without_gaps(occupancy: Occupancy) -> Occupancy:
 
     A ray that leaves through such a gap (in the shadow of a pipe, for example) then sees background only if the picture around
     it says so, too.  For a camera in a room of which a part was not scanned: from outside, openings between the parts of a
-    machine would count as gaps.  In the first picture of two pieces of a plant room at one in 25 points 1.5 % of the pixels were
+    machine would count as gaps.  In the first picture of two pieces of a plant room at one in 25 points 1.5 % of pixels were
     not opaque, and 0.5 % are; in six views of the same part of it, at 10, 4 and 2 %, no more of the true background is filled.
     """
     from scipy import ndimage
