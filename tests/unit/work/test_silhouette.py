@@ -14,7 +14,7 @@ from pointglass.viewer.picture.clip import vector
 from pointglass.viewer.picture.json_values import from_json, to_json
 from pointglass.viewer.work.fits.measured import in_cloud, in_scene
 from pointglass.viewer.work.fits.silhouette import beyond_silhouette
-from pointglass.viewer.work.measuring.measure_text import silhouette_text
+from pointglass.viewer.work.measuring.measure_text import components_text, silhouette_text, value_text
 from pointglass.viewer.work.measuring.measurement import MeasuredPoint, Measurement
 from pointglass.viewer.work.measuring.values import components, evaluate
 from pointglass.viewer.work.places.pick import pick, surface_around
@@ -97,6 +97,21 @@ def test_the_middle_of_a_flat_surface_is_no_silhouette_from_anywhere(seed):
     assert wrong <= 0.02 * tried
 
 
+def test_a_worn_floor_has_no_contour_far_outside_the_scan(seed):
+    """Its curvature is certain, 13 to 200 units of radius, but it goes on for a fraction of the way to the contour of that."""
+    random = np.random.default_rng(seed)
+    wrong, tried, spacing = 0, 40, 0.014
+    for _ in range(tried):
+        radius, side = float(np.exp(random.uniform(np.log(13), np.log(200)))), random.choice([-1, 1])
+        xyz = plate(random, spacing, (-0.6, -0.6, 0.0), (1.2, 0, 0), (0, 1.2, 0))
+        xyz[:, 2] += side * xyz[:, 0] ** 2 / (2 * radius) + random.normal(size=len(xyz)) * 0.001
+        place = xyz[np.linalg.norm(xyz, axis=1).argmin()]
+        turn, low = random.uniform(0, 2 * np.pi), np.radians(random.uniform(12, 25))
+        ray = np.array([np.cos(turn) * np.cos(low), np.sin(turn) * np.cos(low), -np.sin(low)]) * random.uniform(2, 8)
+        wrong += beyond_silhouette(in_cloud(xyz, place), spacing, ray) is not None
+    assert wrong <= 2
+
+
 def test_the_edge_of_a_flat_surface_is_known_to_a_spacing_or_two(seed):
     missed = 0
     random = np.random.default_rng(seed)
@@ -140,3 +155,15 @@ def test_a_silhouette_is_told_and_kept_and_other_points_are_stored_as_before():
     assert silhouette_text(Measurement("distance", (one, other))) == f"one point {told}"
     assert from_json(MeasuredPoint, to_json(one), "point") == one
     assert "beyond" not in to_json(other)
+
+
+def test_what_may_lie_beyond_a_silhouette_takes_no_digits_from_a_length():
+    """2.347, not 2: how far a contour lies beyond is an estimate, the length is what was clicked."""
+    one, other = MeasuredPoint((0.0, 0.0, 0.0), 0.014, 0.002), MeasuredPoint((2.347, 0.0, -0.004), 0.014, 0.002)
+    made = Measurement("distance", (one, other))
+    unsure = replace(made, points=(replace(one, beyond=(3.9, 0.0, 0.0)), other))
+    assert value_text(made, "units") == "2.35 ± 0.01 units" and value_text(unsure, "units") == "2.35 ± 3.91 units"
+    for item in (made, unsure):
+        parts = components(item)
+        assert parts is not None
+        assert components_text(parts, "m") == "horizontal 2.35, vertical 0.00 m\ndx 2.35, dy 0.00, dz 0.00 m", "no -0"

@@ -42,9 +42,9 @@ def text_of(result: Result, unit: str, *, stated: bool = True) -> str:
     digits = decimals_of(result)
     gap = "" if result.power == 0 else " "
     known = f" ± {result.uncertainty:.{digits}f}" if stated and result.uncertainty > 0 else ""
-    value = f"{result.value:.{digits}f}"
+    value = f"{result.value:z.{digits}f}"
     if result.place is not None:
-        value = ", ".join(f"{axis} {along:.{digits}f}" for axis, along in zip("xyz", result.place, strict=True))
+        value = ", ".join(f"{axis} {along:z.{digits}f}" for axis, along in zip("xyz", result.place, strict=True))
     return f"{value}{known}{gap}{unit_text(result.power, unit)}"
 
 
@@ -64,8 +64,8 @@ def labels_of(measurements: Sequence[Measurement], unit: str) -> list[str]:
 def components_text(parts: Components, unit: str) -> str:
     """Two lines, ``horizontal 3.998, vertical -0.012 m`` and ``dx 3.101, dy 2.523, dz -0.012 m``, with the digits of
     :func:`text_of`: the uncertainty of each is that of the distance."""
-    digits = decimals_of(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1))
-    horizontal, vertical, dx, dy, dz = (f"{value:.{digits}f}" for value in (parts.horizontal, parts.vertical, *parts.along))
+    digits = decimals_of(Result(float(np.linalg.norm(parts.along)), parts.uncertainty, 1, of_points=parts.of_points))
+    horizontal, vertical, dx, dy, dz = (f"{value:z.{digits}f}" for value in (parts.horizontal, parts.vertical, *parts.along))
     return f"horizontal {horizontal}, vertical {vertical} {unit}\ndx {dx}, dy {dy}, dz {dz} {unit}"
 
 
@@ -126,6 +126,8 @@ def fit_text(measurement: Measurement, unit: str) -> str:
 
 
 def decimals_of(result: Result) -> int:
-    """Decimals such that the uncertainty has one digit or two."""
-    scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
+    """Decimals such that the uncertainty of the points has one digit or two: how far a contour may lie beyond them is an
+    estimate, which must not take the digits of what was measured."""
+    scale = result.uncertainty if result.of_points is None else result.of_points
+    scale = scale if scale > 0 else max(abs(result.value), 1e-9) * 1e-3
     return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))

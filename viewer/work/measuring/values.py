@@ -10,7 +10,7 @@ is not corrected (F.2.4.5).  Errors of the registration or of the instrument's s
 Frame: file coordinates, file units; angles in degrees.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,17 +28,27 @@ class Result:
     residual: of an area, the root mean square distance of its corners from the plane, of a fit the scatter of its points around
     the surface, the larger of several, file units; else 0.
     place: file coordinates, where the value is a place; power is None then, value 0, and the uncertainty that of the direction
-    in which it is largest, file units."""
+    in which it is largest, file units.
+    of_points: the uncertainty without what lies beyond silhouettes, which tells the digits of the value; None: the same."""
 
     value: float
     uncertainty: float
     power: int | None
     residual: float = 0.0
     place: Vector | None = None
+    of_points: float | None = None
 
 
 def evaluate(measurement: Measurement) -> Result:
     """The value of a measurement and its uncertainty."""
+    result = _evaluated(measurement)
+    plain = tuple(replace(point, beyond=None) for point in measurement.points)
+    if plain == measurement.points:
+        return result
+    return replace(result, of_points=_evaluated(replace(measurement, points=plain)).uncertainty)
+
+
+def _evaluated(measurement: Measurement) -> Result:
     power = KINDS[measurement.kind].power
     residual = max((fit.sigma for fit in measurement.fits), default=0.0)
     if (of_planes := OF_PLANES.get(measurement.kind)) is not None:
@@ -89,13 +99,14 @@ def _spread(slopes: np.ndarray, measurement: Measurement) -> float:
 @dataclass(frozen=True)
 class Components:
     """Of the way from the first to the second point of a distance, file units.  along: dx, dy, dz, signed, along the axes of
-    the file.  horizontal: the length across the up axis.  vertical: signed along it.  uncertainty: of each, expanded (k = 2).
-    """
+    the file.  horizontal: the length across the up axis.  vertical: signed along it.  uncertainty: of each, expanded (k = 2);
+    of_points: without what lies beyond silhouettes."""
 
     along: Vector
     horizontal: float
     vertical: float
     uncertainty: float
+    of_points: float
 
 
 def components(measurement: Measurement) -> Components | None:
@@ -109,10 +120,10 @@ def components(measurement: Measurement) -> Components | None:
     first, second = (np.array(point.position, np.float64) for point in measurement.points)
     way, up = second - first, np.array(measurement.up)
     vertical = float(way @ up)
-    spread = COVERAGE * float(np.sqrt(sum(point.variance for point in measurement.points)))
-    spread += sum(float(np.linalg.norm(point.beyond)) for point in measurement.points if point.beyond is not None)
+    of_points = COVERAGE * float(np.sqrt(sum(point.variance for point in measurement.points)))
+    beyond = sum(float(np.linalg.norm(point.beyond)) for point in measurement.points if point.beyond is not None)
     dx, dy, dz = way.tolist()
-    return Components((dx, dy, dz), float(np.linalg.norm(way - vertical * up)), vertical, spread)
+    return Components((dx, dy, dz), float(np.linalg.norm(way - vertical * up)), vertical, of_points + beyond, of_points)
 
 
 def _length(points: np.ndarray) -> tuple[float, np.ndarray]:
