@@ -87,7 +87,8 @@ class Progress:
         """"rendering: 37 of 200 pictures (18 %), about 1 min 12 s left"."""
         unit = f" {self._unit}" if self._unit else ""
         if not 0 < self.done < self.total:
-            counts = f": {self.done:,}{unit}" if self.done else ""
+            of_all = f" of {self.total:,}" if self.total > 1 and not self.done else ""
+            counts = f": {self.done:,}{of_all}{unit}" if self.done or (of_all and unit) else ""
             return printable(f"{self._label()}{counts}, {duration_text(seconds)} so far")
         left = self._left()
         times = f"{duration_text(seconds)} so far" if left is None else f"about {duration_text(left)} left"

@@ -56,7 +56,7 @@ def test_a_total_that_is_not_known_is_not_promised_and_the_end_is_silent(clock, 
             clock[0] += 20
             meter.update(5)
     assert capsys.readouterr().err.splitlines() == [f"pointglass: reading \\x1b[31m{text} so far" for text in (
-        ", 20 s", ": 5 points, 40 s", ", 20 s")]
+        ", 20 s", ": 5 points, 40 s", ": 0 of 3 points, 20 s")]
 
 
 def test_the_windows_sink_is_told_instead(clock, capsys):

@@ -18,7 +18,7 @@ class Served:
     def __init__(self, files: dict[str, bytes]):
         self.files, self.requests, self.sent = dict(files), [], 0
         self.refuse: dict[str, int] = {}
-        self.whole_only, self.cuts, self.busy = False, 0, 0
+        self.whole_only, self.cuts, self.silences, self.busy = False, 0, 0, 0
         self.changes_after: int | None = None
         self.later: dict[str, bytes] = {}
         self.queries: list[str] = []
@@ -32,6 +32,7 @@ class Served:
 def served(files: dict[str, bytes]) -> Iterator[Served]:
     """The server, until the block ends.  ``address``: http://127.0.0.1:PORT."""
     state = Served(files)
+    ended = threading.Event()
     tags: dict[int, tuple[bytes, str]] = {}  # the data is kept with its tag: its number names no other meanwhile
 
     class Handler(BaseHTTPRequestHandler):
@@ -45,7 +46,7 @@ def served(files: dict[str, bytes]) -> Iterator[Served]:
                 state.headers = {name.lower(): value for name, value in self.headers.items()}
                 if state.changes_after is not None and len(state.requests) >= state.changes_after:
                     state.files.update(state.later)
-                busy, cut = state.busy > 0, False
+                busy, cut, silent = state.busy > 0, False, False
                 state.busy -= busy
             status = 503 if busy else state.refuse.get(path) or (0 if path in state.files else 404)
             if status:
@@ -61,6 +62,8 @@ def served(files: dict[str, bytes]) -> Iterator[Served]:
                 state.requests.append((path, first if match else -1, last))
                 if state.cuts > 0 and last - first > 1:
                     cut, state.cuts = True, state.cuts - 1
+                elif state.silences > 0 and last - first > 1:
+                    silent, state.silences = True, state.silences - 1
             threading.Event().wait(state.delay)
             self.send_response(206 if match else 200)
             if match:
@@ -69,14 +72,17 @@ def served(files: dict[str, bytes]) -> Iterator[Served]:
             self.send_header("ETag", f'"{tag}"')
             self.send_header("Last-Modified", "Wed, 21 Oct 2015 07:28:00 GMT")
             self.end_headers()
-            end = first + (last - first) // 2 if cut else last
+            end = first + (last - first) // 2 if cut or silent else last
             try:
                 self.wfile.write(data[first:end])
             except OSError:
                 return
             with state.lock:
                 state.sent += end - first
-            if cut:
+            if silent:
+                self.wfile.flush()
+                ended.wait()
+            if cut or silent:
                 self.wfile.flush()
                 self.connection.close()
                 self.close_connection = True
@@ -92,5 +98,6 @@ def served(files: dict[str, bytes]) -> Iterator[Served]:
     try:
         yield state
     finally:
+        ended.set()
         server.shutdown()
         server.server_close()

@@ -12,9 +12,13 @@ from range_server import served
 
 from pointglass.viewer.cli import main
 from pointglass.viewer.common.errors import InputError
+from pointglass.viewer.common.progress import Progress
 from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.readers.remote import remote_object
 from pointglass.viewer.readers.remote.address import address_in
 from pointglass.viewer.readers.remote.fetch import fetched, local_path
+from pointglass.viewer.readers.remote.local_copy import LocalCopy
+from pointglass.viewer.readers.remote.remote_object import RemoteObject
 from pointglass.viewer.work.document import Document, ScanFile
 from pointglass.viewer.work.project import read_project, write_project
 
@@ -94,13 +98,15 @@ def test_info_of_an_e57_reads_its_header_and_xml(tmp_path, capsys, fault):
             assert "a.e57: truncated or damaged: its description would end" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("fault", ["cut", "busy", "whole only"])
-def test_faults_of_the_network_that_pass_are_bridged(tmp_path, fault):
+@pytest.mark.parametrize("fault", ["cut", "silent", "busy", "whole only"])
+def test_faults_of_the_network_that_pass_are_bridged(tmp_path, fault, monkeypatch):
+    monkeypatch.setattr(remote_object, "SILENT", 1.0)
     data = scan(tmp_path, 60_000)
     with served({"a.laz": data}) as server:
         server.cuts, server.busy, server.whole_only = 2 * (fault == "cut"), 2 * (fault == "busy"), fault == "whole only"
+        server.silences = 2 * (fault == "silent")
         path = fetched(address_in(f"{server.address}/a.laz"))
-        assert path.read_bytes() == data and server.cuts == server.busy == 0
+        assert path.read_bytes() == data and server.cuts == server.busy == server.silences == 0
         before = server.sent
         fetched(address_in(f"{server.address}/a.laz"))
         assert server.sent - before <= (2 * len(data) if fault == "whole only" else 70_000), "it is there"
@@ -119,6 +125,24 @@ def test_errors_are_one_line_without_the_signature(tmp_path, capsys, status, wor
 
 
 @pytest.mark.slow
+def test_a_server_that_falls_silent_is_not_waited_for_without_end(tmp_path, capsys, monkeypatch, caplog):
+    monkeypatch.setattr(remote_object, "SILENT", 0.4)
+    monkeypatch.setattr(remote_object, "_FIRST_PAUSE", 0.01)
+    data, progress_said = scan(tmp_path, 60_000), set[str]()
+    monkeypatch.setattr(Progress, "say", lambda meter, text: progress_said.add(text))
+    with served({"a.laz": data}) as server:
+        server.silences = 10**6
+        assert main(["info", f"{server.address}/a.laz"]) == 2
+        assert "a.laz: the connection breaks off again and again (no answer for 0.4 s)" in capsys.readouterr().err
+        assert "no answer for 0.4 s, trying again, 3 of 5" in caplog.text, "before there is a progress"
+        server.silences = 0
+        copy = LocalCopy(tmp_path / "copy", "a.laz", RemoteObject(address_in(f"{server.address}/a.laz"), 65_536))
+        server.silences = 10**6
+        with pytest.raises(InputError, match=r"no answer for 0\.4 s"):
+            copy.fetch_all("fetching")
+        assert any(text.startswith("no answer for 0.4 s, trying again, ") for text in progress_said)
+
+
 def test_a_file_that_changes_on_the_server_is_read_anew_and_never_mixed(tmp_path):
     first, second = bytes(60_000_000), b"\1" * 60_000_000  # 59 requests
     with served({"a.bin": first}) as server:

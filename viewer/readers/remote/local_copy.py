@@ -109,6 +109,7 @@ class LocalCopy:
                 done += last - first
             if meter is not None:  # also where nothing came: a window cancels here
                 meter.update((done >> 20) - shown)
+                meter.say(self.remote.waiting)
                 shown = done >> 20
             if time.monotonic() > noted + _KEPT_S:
                 os.fsync(file)  # before it is noted to be there

@@ -1,10 +1,11 @@
 """A file at an address, read by ranges of bytes, by obstore (the Rust object_store): HTTP and S3 with the same calls.
 
-Requests that fail for a reason that may pass (a cut connection, a server that is busy, a wrong length) are repeated with
-growing pauses; what will not pass (403, 404) is one line.  Credentials of S3 come from the usual environment
-(AWS_ACCESS_KEY_ID, ...); without any, requests are not signed, as public buckets want it.
+Requests that fail for a reason that may pass (a cut connection, a server that is busy or falls silent, a wrong length) are
+repeated with growing pauses, which is said; what will not pass (403, 404) is one line.  Credentials of S3 come from the usual
+environment (AWS_ACCESS_KEY_ID, ...); without any, requests are not signed, as public buckets want it.
 """
 
+import logging
 import os
 import re
 import time
@@ -19,6 +20,8 @@ from .address import Address, beside
 
 _ATTEMPTS = 5
 _BROKEN = "the connection breaks off again and again"
+SILENT = 20.0
+"""Seconds without a byte after which a request is given up, and made again."""
 _FIRST_PAUSE = 0.3
 """Seconds before a request is repeated; twice as long each time, so that about five seconds of a lost network are bridged."""
 _KNOWN_CREDENTIALS = ("AWS_ACCESS_KEY_ID", "AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
@@ -29,7 +32,7 @@ _REASONS = {
     "invalid peer certificate|InvalidCertificate": "its certificate is not valid",
     "InvalidContentType|InvalidMessage": "the server does not speak https there; perhaps http:// is meant",
     r"status code: (\d{3}(?: [A-Z][A-Za-z-]*)*)": r"the server answers \1",
-    r"kind: Timeout|timed ?out": "no answer in time",
+    r"kind: Timeout|timed ?out": "no answer for {SILENT} s",
     "body error|IncompleteMessage|connection ?reset": "cut in the middle",
     r"Requested (\S+), got (\S+)": r"of bytes \1 it gave \2: lengths that contradict each other",
     "Content-Length Header missing": "the server does not say how long the file is",
@@ -39,6 +42,7 @@ _REASONS = {
 _NO_RANGES = re.compile(r"status code: 416|416 Range|range.*support", re.IGNORECASE | re.DOTALL)
 _CONNECT, _WHOLE = timedelta(seconds=10), timedelta(seconds=120)
 """A request has a few MiB at most: two minutes are 30 kB/s."""
+_log = logging.getLogger(__name__)
 
 
 class ChangedFileError(Exception):
@@ -68,18 +72,21 @@ class RemoteFolder:
 
 class RemoteObject:
     """size: bytes.  tag: what names this state of the file: its ETag, else its time.  modified: seconds since 1970.
-    ranges: whether the server gives parts of it; without, only :meth:`pieces` works.  head: its first bytes."""
+    ranges: whether the server gives parts of it; without, only :meth:`pieces` works.  head: its first bytes.
+    waiting: why a request is made again at present, and which attempt it is; "" where none is."""
 
     def __init__(self, address: Address, first: int, opened: tuple[Any, str] | None = None, lacking: str = "check the address"):
         """Asks for the first bytes, at most ``first``.  opened: store and place in it of a RemoteFolder.  lacking: what to do
         where there is no such file.  Raises InputError, one line, where the file cannot be had."""
-        self.address, self.ranges, self._lacking = address, True, lacking
+        self.address, self.ranges, self._lacking, self.waiting = address, True, lacking, ""
+        self._begins = True
         self._store, self._place = opened or _store_of(address)
         try:
             answer, self.head = self._begun(first)
         except _NoRanges:
             answer = self._get(None)
             self.head, self.ranges = b"", False
+        self.waiting, self._begins = "", False
         self._refuse_page(self.head)
         self.size = int(answer.meta["size"])
         self.modified = answer.meta["last_modified"].timestamp()
@@ -96,7 +103,7 @@ class RemoteObject:
                 return answer, bytes(answer.bytes())
             except Exception as error:  # cut in the middle, on which obstore gives up
                 why = str(error)
-            _pause(attempt)
+            self._pause(attempt, why)
         raise self._error(f"{_BROKEN} ({_short(why)})", "try again later")
 
     def _refuse_page(self, begin: bytes) -> None:
@@ -123,9 +130,10 @@ class RemoteObject:
                 why = str(error)
             else:
                 if len(data) == last - first:
+                    self.waiting = ""
                     return data
                 why = f"{len(data)} of {last - first} bytes came"
-            _pause(attempt)
+            self._pause(attempt, why)
         raise self._error(f"{_BROKEN} ({_short(why)})", "try again later")
 
     def pieces(self, length: int) -> Iterator[bytes]:
@@ -166,9 +174,18 @@ class RemoteObject:
                 if part and _NO_RANGES.search(_without_addresses(text)):
                     raise _NoRanges from None
                 why = text
-            _pause(attempt)
+            self._pause(attempt, why)
         raise UnreachableError(f"{self.address.text}: cannot be read ({_short(why)})",
                                remedy="check the address and the network, and try again")
+
+    def _pause(self, attempt: int, why: str) -> None:
+        """Waits before the next attempt.  It is said: with the progress (``waiting``), before there is any in a line."""
+        if attempt + 1 == _ATTEMPTS:
+            return
+        self.waiting = f"{_short(why)}, trying again, {attempt + 2} of {_ATTEMPTS}"
+        if self._begins and "no answer" in self.waiting:  # others take no longer than the pause
+            _log.warning("%s: %s", self.address.text, self.waiting)
+        time.sleep(_FIRST_PAUSE * 2**attempt)
 
     def _allowed(self) -> str:
         if self.address.scheme == "s3":
@@ -187,7 +204,7 @@ def _store_of(address: Address) -> tuple[Any, str]:
     """The store and the place in it."""
     from obstore.store import HTTPStore, S3Store
 
-    client: Any = {"connect_timeout": _CONNECT, "timeout": _WHOLE}
+    client: Any = {"connect_timeout": _CONNECT, "timeout": _WHOLE, "read_timeout": timedelta(seconds=SILENT)}
     retries: Any = {"max_retries": 2, "retry_timeout": timedelta(seconds=20)}
     place = unquote(address.place)
     if address.scheme == "s3":
@@ -208,17 +225,12 @@ def _store_of(address: Address) -> tuple[Any, str]:
                               retry_config=retries), name  # fmt: skip
 
 
-def _pause(attempt: int) -> None:
-    if attempt + 1 < _ATTEMPTS:
-        time.sleep(_FIRST_PAUSE * 2**attempt)
-
-
 def _short(text: str) -> str:
     """Why a request failed, for a person: from _REASONS; otherwise the first line of the library's message, without addresses,
     which may hold signatures."""
     for pattern, words in _REASONS.items():
         if found := re.search(pattern, text, re.IGNORECASE):
-            return found.expand(words)
+            return found.expand(words).replace("{SILENT}", f"{SILENT:g}")
     return _without_addresses(next(iter(text.strip().splitlines()), "no reason given"))[:160]
 
 
