@@ -256,6 +256,8 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
     window.flow.save()
     window.flow.remember(None)
     assert [Path(path).name for path in recent_scans()[0].paths] == ["room.pointglass"], "the project, not its scan alone"
+    offers = window.session.shown_scan.notices(window.session.document, window.session.work.project)
+    assert not any(isinstance(one.offer, OpenProject) for one in offers), "it is open: a scan that was moved is read again"
     window.session.close_scene()
     window.session.open([window.scan], view=view)
     window.take()

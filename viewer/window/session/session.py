@@ -278,7 +278,7 @@ class Session:
         self.picture.begin(loaded.scene.count)
         self._followed = self.work.shown_edits, self.work.tint
         self.notices.leave_scene()
-        self.notices.tell_of_scan([] if loaded.preview else shown.notices(document))
+        self.notices.tell_of_scan([] if loaded.preview else shown.notices(document, self.work.project))
         if not loaded.variant and (replaced := self.work.note_loaded(loaded.paths)):
             self.notices.say_also("A scan is another file than before", *replaced, _REPLACED)
 

@@ -156,11 +156,11 @@ class ShownScan:
         """Exposure that a dark scan wants, stops; None before the first scan."""
         return None if self._seen is None else brightening(self._seen)
 
-    def notices(self, document: Document) -> list[ScanNotice]:
-        """What there is to say about the scene, most important first."""
+    def notices(self, document: Document, open_project: Path | None) -> list[ScanNotice]:
+        """What there is to say about the scene, most important first.  open_project: the file that the document belongs to."""
         assert self.scene is not None and self._seen is not None
         known = bool(self.scene.meta.warnings_about(WarningTopic.PLACES))
-        offers = (_project_beside(document), None if known else far_apart(self._seen), darkness(self._seen),
+        offers = (_project_beside(document, open_project), None if known else far_apart(self._seen), darkness(self._seen),
                   lying(self._seen, document.up))
         return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
 
@@ -170,12 +170,12 @@ class ShownScan:
         return "pointglass" if self.scene is None else self.scene.meta.title
 
 
-def _project_beside(document: Document) -> ScanNotice | None:
+def _project_beside(document: Document, open_project: Path | None) -> ScanNotice | None:
     """An offer of the project that was saved beside a scan, where the scan was opened without it."""
     if document.view is not None or not document.scans:
         return None
     project = project_beside(document)
-    if not project.is_file():
+    if project == open_project or not project.is_file():
         return None
     return ScanNotice(f"{printable(project.name)} beside this scan holds saved work.", OpenProject(project))
 
