@@ -8,6 +8,20 @@ from pointglass.viewer.work.photo_poses.pose_search import FoundPose, NotFound, 
 from pointglass.viewer.work.photo_poses.pose_solver import SolvedPose
 
 
+@pytest.mark.parametrize(("within", "share", "uncertain"), [
+    ((0.05, 0.005), 0.4, False), ((0.07, 0.005), 0.4, True), ((0.05, 0.01), 0.4, True), ((0.05, 0.005), 0.2, True),
+])  # fmt: skip
+def test_a_pose_is_called_uncertain_where_its_error_may_be_large_or_few_matches_agree(monkeypatch, within, share, uncertain):
+    pose = SolvedPose(np.eye(3), np.zeros(3), 400.0, np.arange(900), 0.6, (0.001, 1e-4, 1e-3), within, 3.0, share)
+    spread = np.random.default_rng(0).uniform(0, 1, (900, 2)) * (640, 480)
+    monkeypatch.setattr(pose_search, "features_of", lambda *_: pose_search.Features(spread, np.zeros((900, 128), np.float32)))
+    monkeypatch.setattr(pose_search, "_first_poses", lambda *_: iter([pose]))
+    monkeypatch.setattr(pose_search, "_looked_again", lambda *given: (given[4], spread))
+    found = find_pose(lambda _: None, lambda _: 0.8, [], np.zeros(3), np.zeros((480, 640, 3), np.uint8), (640, 480), "x", 400.0)
+    assert isinstance(found, FoundPose) and found.uncertain == uncertain
+    assert np.isfinite(found.within).all() == (share > 0.25)
+
+
 @pytest.mark.parametrize(("places", "said"), [
     ([(900, 0.8)], None), ([(900, 0.3)], "colours"), ([(900, 0.25), (500, 0.7)], None),
     ([(1400, 0.72), (1000, 0.6)], "ambiguous"), ([(1200, 0.65), (500, 0.6)], None), ([(20, 0.9)], "only 20"),

@@ -22,7 +22,8 @@ class SolvedPose:
     """rotation (3, 3), shift (3,): point to view frame.  focal: pixels.  consistent: indices of the matches that it explains.
     residual: root mean square of their distance, pixels.  deviations: standard deviations of the place (file units), of the
     direction (radians) and of the focal length (a share), as these matches fix them.  within: as of
-    pose_within.  distance: median of the matches' points from the place, file units."""
+    pose_within.  distance: median of the matches' points from the place, file units.  share: of the
+    matches, those that agree."""
 
     rotation: np.ndarray
     shift: np.ndarray
@@ -32,6 +33,7 @@ class SolvedPose:
     deviations: tuple[float, float, float] = (np.inf, np.inf, np.inf)
     within: tuple[float, float] = (np.inf, np.inf)
     distance: float = np.inf
+    share: float = 1.0
 
     @property
     def position(self) -> np.ndarray:
@@ -98,7 +100,8 @@ def refined_pose(pixels: np.ndarray, points: np.ndarray, centre: tuple[float, fl
         residual = float(np.sqrt((length[inside] ** 2).mean()))
         within = pose_within(points[inside], rotation, shift, focal, apart[inside], pixels[inside] / (2 * np.asarray(centre)),
                              stated=stated is not None)
-        pose = SolvedPose(rotation, shift, focal, inside, residual, _deviations(solved.jac, residual, scale), within, scale)
+        pose = SolvedPose(rotation, shift, focal, inside, residual, _deviations(solved.jac, residual, scale), within, scale,
+                          len(inside) / len(pixels))
     return pose
 
 
