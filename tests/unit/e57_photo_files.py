@@ -25,9 +25,9 @@ class Picture:
     more: dict = field(default_factory=dict)
 
 
-def write_photos(path: Path, pictures: list[Picture], xyz: np.ndarray, rgb: np.ndarray) -> Path:
+def write_photos(path: Path, pictures: list[Picture], xyz: np.ndarray, rgb: np.ndarray | None) -> Path:
     """One scan without a pose (file coordinates) and images2D."""
-    from pye57 import libe57 as e
+    from untyped import libe57 as e
 
     file = e.ImageFile(str(path), "w")
     file.extensionsAdd("", e.E57_V1_0_URI)
@@ -47,9 +47,10 @@ def write_photos(path: Path, pictures: list[Picture], xyz: np.ndarray, rgb: np.n
     for k, axis in enumerate("XYZ"):
         prototype.set(f"cartesian{axis}", e.FloatNode(file, 0.0, e.E57_DOUBLE, e.E57_DOUBLE_MIN, e.E57_DOUBLE_MAX))
         columns[f"cartesian{axis}"] = np.ascontiguousarray(xyz[:, k], np.float64)
-    for k, name in enumerate(("Red", "Green", "Blue") if rgb is not None else ()):
-        prototype.set(f"color{name}", e.IntegerNode(file, 0, 0, 255))
-        columns[f"color{name}"] = np.ascontiguousarray(rgb[:, k], np.float64)
+    if rgb is not None:
+        for k, name in enumerate(("Red", "Green", "Blue")):
+            prototype.set(f"color{name}", e.IntegerNode(file, 0, 0, 255))
+            columns[f"color{name}"] = np.ascontiguousarray(rgb[:, k], np.float64)
     points = e.CompressedVectorNode(file, prototype, e.VectorNode(file, True))
     scan.set("points", points)
     for name, values in columns.items():
@@ -93,11 +94,11 @@ def paint(at: np.ndarray) -> np.ndarray:
 
 def patches(at: np.ndarray) -> np.ndarray:
     """(..., 3) room coordinates -> (..., 3) uint8: patches, nowhere alike (random Voronoi cells)."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     rng = np.random.default_rng(7)
     seeds = hit(np.zeros(3), rng.normal(size=(3000, 3)))
-    return rng.integers(20, 235, (3000, 3)).astype(np.uint8)[cKDTree(seeds).query(at)[1]]
+    return rng.integers(20, 235, (3000, 3)).astype(np.uint8)[KDTree(seeds).query(at)[1]]
 
 
 def hit(position: np.ndarray, ray: np.ndarray) -> np.ndarray:

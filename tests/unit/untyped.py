@@ -7,6 +7,7 @@ from typing import Any
 import laspy
 
 lazrs: Any = import_module("lazrs")
+libe57: Any = import_module("pye57.libe57")
 
 
 def any_typed(value: object) -> Any:
@@ -17,3 +18,8 @@ def any_typed(value: object) -> Any:
 def read_las(path: str | Path) -> Any:
     """laspy's LasData, whose dimensions are attributes that behave as arrays."""
     return laspy.read(path)
+
+
+def polylines(drawing: Any, layer: str) -> list[Any]:
+    """The polylines of a layer of a drawing that ezdxf read."""
+    return list(drawing.modelspace().query(f'LWPOLYLINE[layer=="{layer}"]'))

@@ -9,7 +9,7 @@ import pytest
 from cloud_files import write_ply
 from matplotlib.figure import Figure
 from PIL import Image
-from untyped import read_las
+from untyped import any_typed, read_las
 
 import pointglass
 from pointglass.viewer.cli import main
@@ -239,7 +239,7 @@ def test_scans_are_compared_where_a_project_has_moved_them(seed, tmp_path, capsy
     names = [write_las(tmp_path / "b.las", before, step=1e-5),
              write_las(tmp_path / "a.las", (after + (0, 0, 0.004) - shift) @ turn, step=1e-5)]
     rows = tuple(tuple(row) for row in np.vstack([np.c_[turn, shift], [0, 0, 0, 1]]).tolist())
-    write_project(tmp_path / "p.pointglass", Document((ScanFile(names[0]), ScanFile(names[1], transform=rows))))
+    write_project(tmp_path / "p.pointglass", Document((ScanFile(names[0]), ScanFile(names[1], transform=any_typed(rows)))))
     out = ["--out", str(tmp_path / "out"), "--project", str(tmp_path / "p.pointglass")]
     assert main(["compare", *names, *out]) == 0
     made = read_las(tmp_path / "out" / "distances.laz")

@@ -1,6 +1,7 @@
 """Camera paths, encoding and panoramas, without OpenGL."""
 
 import json
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -128,7 +129,7 @@ def test_a_video_holds_the_pictures_and_comes_out_the_same_twice(tmp_path):
 
     cameras = interpolate([key((x, 0, 1), (x, 5, 1)) for x in (0, 4)], 12)
     for name in ("a.mp4", "b.mp4"):
-        write_mp4(tmp_path / name, cameras, draw, size=SIZE, fps=12)
+        write_mp4(tmp_path / name, cameras, draw, size=SIZE, fps=Fraction(12))
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
     with av.open(str(tmp_path / "a.mp4")) as container:
         stream = container.streams.video[0]
@@ -149,9 +150,9 @@ def test_a_film_that_fails_leaves_nothing(tmp_path):
         return draw(camera)
 
     with pytest.raises(KeyboardInterrupt):
-        write_mp4(tmp_path / "a.mp4", cameras, breaks, size=SIZE, fps=12)
+        write_mp4(tmp_path / "a.mp4", cameras, breaks, size=SIZE, fps=Fraction(12))
     with pytest.raises(InputError, match="even sides"):
-        write_mp4(tmp_path / "a.mp4", cameras, draw, size=(63, 48), fps=12)
+        write_mp4(tmp_path / "a.mp4", cameras, draw, size=(63, 48), fps=Fraction(12))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -54,7 +54,7 @@ def test_the_sheet_shows_the_background_where_the_window_does(tmp_path, monkeypa
     rng = np.random.default_rng(2)
     around = rng.normal(size=(60_000, 3))
     ball = around / np.linalg.norm(around, axis=1, keepdims=True)
-    given = {"ball": (ball, np.tile(np.uint8([220, 90, 40]), (len(ball), 1))), "room": room_points(60_000)}
+    given = {"ball": (ball, np.tile(np.array([220, 90, 40], np.uint8), (len(ball), 1))), "room": room_points(60_000)}
     share = {}
     for name, (xyz, rgb) in given.items():
         scan, sheet = write_ply(tmp_path / f"{name}.ply", xyz, rgb), tmp_path / f"{name}.png"

@@ -10,6 +10,7 @@ import trimesh
 from command_line import run_here, run_in_a_process
 from PIL import Image
 from test_section import room
+from untyped import polylines
 
 from pointglass.viewer.commands.section.cut import along_line, plan
 from pointglass.viewer.commands.section.model_lines import MODEL_COLOURS, model_lines
@@ -42,6 +43,7 @@ def test_the_cut_of_random_meshes_is_trimeshs_section_and_closed(seed):
         depth = random.uniform(-0.8, 0.8)
         lines = joined_lines(cut_segments(vertices, faces, depth), tolerance_of(vertices))
         section = mesh.section(plane_origin=(0, 0, depth), plane_normal=(0, 0, 1))
+        assert section is not None
         assert all(line.closed for line in lines) and len(lines) == len(section.entities)
         assert sum(line.length for line in lines) == pytest.approx(section.length, rel=1e-9)
         ours = np.concatenate([line.vertices for line in lines])
@@ -95,7 +97,7 @@ def test_plans_and_drawings_of_the_command_have_a_turned_box_with_its_own_colour
     assert "1 line of model desk $1.obj, 10 " in said
     drawing = ezdxf.readfile(tmp_path / "plan.dxf")
     assert not drawing.audit().has_errors
-    (line,) = drawing.modelspace().query('LWPOLYLINE[layer=="POINTGLASS MODEL 1 desk $1.obj"]')
+    (line,) = polylines(drawing, "POINTGLASS MODEL 1 desk $1.obj")
     corners = (np.array([(x, y) for x, y, *_ in line.get_points()]) - place[:2]) @ turn[:2, :2]
     assert line.closed and len(corners) == 4 and np.abs(np.abs(corners) - (1.5, 1.0)).max() < 1e-9
     blue = np.array([int(MODEL_COLOURS[0][0][at : at + 2], 16) for at in (1, 3, 5)])

@@ -30,8 +30,14 @@ def info(*arguments):
     return run_here("info", *arguments)
 
 
+def found(pattern: str, page: str) -> re.Match[str]:
+    match = re.search(pattern, page)
+    assert match is not None, pattern
+    return match
+
+
 def rings_of(page: str, number: int) -> list[np.ndarray]:
-    path = re.search(rf'id="file{number}"><path d="([^"]+)"', page)
+    path = found(rf'id="file{number}"><path d="([^"]+)"', page)
     return [np.array([pair.split(" ") for pair in ring.split("L")], float) for ring in path[1].strip("MZ").split("ZM")]
 
 
@@ -52,13 +58,13 @@ def test_outlines_names_and_dates_are_those_of_the_files(tmp_path, monkeypatch, 
     done = info(*files, "--plan", plan)
     assert done.returncode == 0 and "points" in done.stdout, done.stderr
     page = plan.read_text("utf-8")
-    end, length = re.search(r'd="M14 [\d.]+H([\d.]+)"/><text[^>]+>([\d.]+) units<', page).groups()
+    end, length = found(r'd="M14 [\d.]+H([\d.]+)"/><text[^>]+>([\d.]+) units<', page).groups()
     scale = (float(end) - 14) / float(length)
     corner = None
     for number, truth in enumerate((9.0, 48 - 4.0, 1.0)):
         rings = rings_of(page, number)
-        found = abs(sum(map(area, rings))) / scale**2
-        assert abs(found - truth) < 0.12 * truth + 0.02, (number, found, truth)
+        covered = abs(sum(map(area, rings))) / scale**2
+        assert abs(covered - truth) < 0.12 * truth + 0.02, (number, covered, truth)
         assert len(rings) == (2 if number == 1 else 1)
         low = np.array([min(ring[:, 0].min() for ring in rings), max(ring[:, 1].max() for ring in rings)])
         corner = low if corner is None else corner
@@ -74,5 +80,5 @@ def test_outlines_names_and_dates_are_those_of_the_files(tmp_path, monkeypatch, 
     scene = open_scene(files)
     page = overview_page(scene, HOSTILE, places=[Place(HOSTILE, np.array([4e5 + 3.5, 5e6 + 3.5, 101.0]))])
     assert "<script" not in page and page.count('href="index.html#place=1"') == 1
-    x, y = map(float, re.search(r'cx="([\d.]+)" cy="([\d.]+)"', page).groups())
+    x, y = map(float, found(r'cx="([\d.]+)" cy="([\d.]+)"', page).groups())
     np.testing.assert_allclose((np.array([x, y]) - corner) / scale * [1, -1], [3.5, 3.5], atol=0.2)

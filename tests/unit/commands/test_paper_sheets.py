@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 import pytest
 from PIL import Image
+from untyped import polylines
 
 from pointglass.viewer import cli
 from pointglass.viewer.work.sheets.paper_layout import SIZES, Layout, fitted, needed_scale, standard_scale
@@ -26,7 +27,7 @@ def room(tmp_path_factory):
     x = np.choose(wall, [along, np.ones(count), along, np.zeros(count)]) * SIDES[0] + AT[0]
     y = np.choose(wall, [np.zeros(count), along, np.ones(count), along]) * SIDES[1] + AT[1]
     las = laspy.create(point_format=2)
-    las.header.scales = (0.0001,) * 3
+    las.header.scales = np.full(3, 0.0001)
     las.xyz = np.stack([x, y, height], axis=1) + rng.normal(0, 0.001, (count, 3))
     las.red = las.green = las.blue = np.full(count, 20_000)
     path = tmp_path_factory.mktemp("room") / "room.las"
@@ -47,11 +48,11 @@ def test_a_dxf_has_the_walls_in_the_coordinates_of_the_file(room, tmp_path, caps
     drawing = ezdxf.readfile(out)  # type: ignore[reportPrivateImportUsage]
     assert not drawing.audit().has_errors
     low, high = np.array(drawing.header["$EXTMIN"])[:2], np.array(drawing.header["$EXTMAX"])[:2]
-    (edge,) = drawing.modelspace().query('LWPOLYLINE[layer=="POINTGLASS FRAME"]')
+    (edge,) = polylines(drawing, "POINTGLASS FRAME")
     frame = np.array([point[:2] for point in edge.get_points()])
     assert (low <= frame.min(axis=0)).all() and (high >= frame.max(axis=0)).all()
     assert (high - low < 2 * np.ptp(frame, axis=0)).all()
-    (line,) = drawing.modelspace().query('LWPOLYLINE[layer=="POINTGLASS CUT"]')
+    (line,) = polylines(drawing, "POINTGLASS CUT")
     corners = np.array([point[:2] for point in line.get_points()])
     wanted = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * SIDES + AT
     assert line.closed and len(corners) == 4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from e57_photo_files import AWAY, hit, paint, panorama, pinhole, room_points, turn, write_photos
 from PIL import Image
+from untyped import any_typed
 
 import pointglass
 from pointglass.viewer.cli import main
@@ -39,7 +40,7 @@ def rendered(scan, folder, *more):
     place = cameras(folder / "transforms.json") if not (folder / "transforms.json").exists() else folder / "transforms.json"
     assert main(["render", str(scan), "--cameras", str(place), "--view", "filled", "--out", str(out), "--aux", *more]) == 0
     picture = np.asarray(Image.open(out / "here.png").convert("RGB")).astype(float)
-    return picture, np.asarray(Image.open(out / "here.provenance.png")), str(Image.open(out / "here.png").text)
+    return picture, np.asarray(Image.open(out / "here.provenance.png")), str(any_typed(Image.open(out / "here.png")).text)
 
 
 @pytest.fixture(scope="module")

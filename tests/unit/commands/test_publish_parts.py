@@ -236,6 +236,7 @@ def test_all_four_views_are_offered(capsys):
 def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_run(tmp_path, monkeypatch):
     """The old publication has notes, the new one an overview instead.  Killed before the first rename, that of the list of what
     is new, nothing is replaced."""
+    left, replace = [0], Path.replace
     for killed in range(12):
         coming = ComingFiles(tmp_path / str(killed), ("places", "notes", "scene.js", "overview.html", "index.html"))
         out = coming.out
@@ -247,9 +248,9 @@ def test_a_replacement_killed_between_any_two_renames_is_finished_by_the_next_ru
         for file in (out / "places" / "000.first.js", out / "places" / "001.first.js", out / "notes" / "0", out / "index.html"):
             file.write_text("old")
         (coming.places / "007.first.js").write_text("of an earlier run")
-        left, replace = [killed], Path.replace
+        left[0] = killed
 
-        def counted(path, target, left=left, replace=replace):
+        def counted(path, target):
             left[0] -= 1
             if left[0] < 0:
                 raise KeyboardInterrupt

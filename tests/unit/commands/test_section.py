@@ -105,7 +105,7 @@ def test_the_walls_of_a_room_lie_to_scale_on_the_png(tmp_path, seed):
     there = drawing.image[..., 3] > 0
     assert np.array_equal(shown[there], drawing.image[there][:, :3])  # not a pixel moved or blended
     wall = (shown < 250).any(axis=2)
-    found = np.ptp(np.nonzero(wall.any(axis=0))[0]) + 1, np.ptp(np.nonzero(wall.any(axis=1))[0]) + 1
+    found = [np.ptp(np.nonzero(np.any(wall, axis=axis))[0]) + 1 for axis in (0, 1)]
     disc = 2 * CLOSES * scene.spacing * 2 / paper.pixel
     for pixels, metres in zip(found, SIZE[:2], strict=True):
         assert abs(pixels / dpi * INCH * scale - metres) <= (disc + 1) * paper.pixel
@@ -117,8 +117,7 @@ def test_a_pdf_page_is_as_large_as_the_scale_says_and_repeats_to_the_byte(tmp_pa
     paper = paper_of(scene, scale, 150)
     drawing = draw(Selection(scene), along_line((0, 3 * metre), (8 * metre, 3 * metre), 0.5 * metre), paper.pixel)
     files = [tmp_path / "a.pdf", tmp_path / "b.pdf"]
-    for file in files:
-        width, height = write_sheet(file, drawing, paper, scene)
+    (width, height), _ = [write_sheet(file, drawing, paper, scene) for file in files]
     data = files[0].read_bytes()
     assert data == files[1].read_bytes()
     box = [float(value) for value in data.split(b"/MediaBox [")[1].split(b"]")[0].split()]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 from e57_photo_files import AWAY, panorama, pinhole, room_points, write_photos
+from untyped import any_typed
 
 from pointglass.model.data.surfaces.projected import scan_spacing
 from pointglass.model.network.weights import load_weights
@@ -68,7 +69,7 @@ def test_exposure_is_matched_to_the_points_and_registered_pictures_fit(photograp
         assert found.correlation > 0.6 and found.offset == 0
         srgb = (0.75 + 0.06 * number) ** 2.2
         assert np.allclose(found.gain * srgb, 1.0, atol=0.15)  # undone, sRGB being nearly a power law
-        assert found.picture.usable.mean() > 0.6
+        assert found.picture.usable is not None and found.picture.usable.mean() > 0.6
 
 
 def test_what_moved_is_not_trusted(points, tmp_path):
@@ -79,6 +80,7 @@ def test_what_moved_is_not_trusted(points, tmp_path):
     changed = photo.picture.copy()
     changed[50:90, 60:110] = (250, 20, 20)
     after = agreement(replace(photo, picture=changed), scan, scan_spacing(scan)).picture.usable
+    assert before is not None and after is not None
     assert before[55:85, 65:105].mean() > 0.7 and not after[55:85, 65:105].any()
     outside = np.ones_like(before)
     outside[40:100, 50:120] = False
@@ -165,7 +167,7 @@ def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, 
     values, material, judging = iter([20.0, 20.0 + gain]), tuning.material_of, []
 
     def some(*given):
-        found = material(*given)
+        found = any_typed(material(*given))
         pictures = (*found.held_out, *found.learned_from)[:count]
         return replace(found, held_out=list(pictures[:1]), learned_from=list(pictures[1:]))
 

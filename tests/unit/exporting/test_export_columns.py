@@ -1,5 +1,7 @@
 """Between formats: coordinates, intensities and every further column, read by laspy, plyfile and libe57."""
 
+from typing import Any
+
 import laspy
 import numpy as np
 import plyfile
@@ -7,8 +9,7 @@ import pyproj
 import pytest
 from e57_files import contents
 from examples import examples
-from pye57 import libe57
-from untyped import read_las
+from untyped import libe57, read_las
 
 from pointglass.viewer import cli
 
@@ -174,13 +175,14 @@ def test_geotiff_keys_become_the_text_of_an_e57(tmp_path):
 def test_further_fields_of_pcd_are_kept(tmp_path, data):
     import open3d
 
+    library: Any = open3d.t  # its types know neither arrays nor paths
     rng = np.random.default_rng(4)
     xyz = np.round(rng.random((500, 3)) * 4, 2).astype(np.float32)
     curvature, ring = rng.random(500).astype(np.float32), rng.integers(0, 64, 500).astype(np.int32)
-    points = open3d.t.geometry.PointCloud(xyz)
+    points = library.geometry.PointCloud(xyz)
     points.point["curvature"], points.point["ring"] = curvature[:, None], ring[:, None]
-    assert open3d.t.io.write_point_cloud(str(tmp_path / "a.pcd"), points, write_ascii=data == "ascii",
-                                         compressed=data == "binary_compressed")  # fmt: skip
+    assert library.io.write_point_cloud(str(tmp_path / "a.pcd"), points, write_ascii=data == "ascii",
+                                        compressed=data == "binary_compressed")  # fmt: skip
     export(tmp_path / "a.pcd", "--out", tmp_path / "b.las")
     las = read_las(tmp_path / "b.las")
     assert np.array_equal(np.round(las.xyz, 2), np.round(xyz.astype(float), 2))

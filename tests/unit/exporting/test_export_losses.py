@@ -94,7 +94,7 @@ def test_joined_las_of_different_layouts_keep_records_that_do_not_collide_and_na
 
 def test_whole_numbers_that_e57_cannot_hold_are_rounded_and_named(tmp_path, capfd):
     header = laspy.LasHeader(point_format=0, version="1.2")
-    header.add_extra_dim(laspy.ExtraBytesParams("ticks", np.uint64))
+    header.add_extra_dim(laspy.ExtraBytesParams("ticks", np.dtype(np.uint64)))
     made = laspy.LasData(header)
     made.x, made.y, made.z = np.arange(12.0).reshape(3, 4)
     made.ticks = np.array([0, 5, 2**63, 2**64 - 1], np.uint64)

@@ -11,6 +11,7 @@ import trimesh
 from cloud_files import write_las
 from command_line import run_here
 from PIL import Image
+from untyped import any_typed
 
 from pointglass.viewer.common.rigid_transform import moved_points, rigid, rotation_about
 from pointglass.viewer.picture.meshes.mesh_layer import MeshLayer
@@ -36,8 +37,8 @@ def project(tmp_path, seed):
     box.export(tmp_path / "box.obj")
     picture = Image.fromarray(np.kron([[[250, 10, 10], [10, 250, 10]]], np.ones((8, 4, 1))).astype(np.uint8))
     sheet = trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)], process=False)
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture)
-    sheet.visual = trimesh.visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material)
+    material = any_typed(trimesh).visual.material.PBRMaterial(baseColorTexture=picture)
+    sheet.visual = any_typed(trimesh).visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], material=material)
     sheet.export(tmp_path / "sheet.glb")
     place = rigid(rotation_about(random.normal(size=3), 50.0), FAR + random.uniform(0, 3, 3))
     layers = (MeshLayer(str(tmp_path / "box.obj"), transform=place, colour=(255, 0, 0), opacity=0.5),
@@ -73,12 +74,12 @@ def test_meshes_come_back_at_their_places_from_every_format(project):
     assert scene.geometry["sheet"].visual.uv.shape == (4, 2)
     done = export(folder, "p.pointglass", "--meshes", "--out", "out.ply")
     assert "pictures on sheet.glb" in done.stderr
-    read = o3d.io.read_triangle_mesh(str(folder / "out.ply"))
+    read = o3d.io.read_triangle_mesh(folder / "out.ply")
     assert same_places(read.vertices, np.concatenate([corners, flat]), 1e-8) and len(read.triangles) == 14
     assert (np.asarray(read.vertex_colors)[:8] == (1, 0, 0)).all()
     export(folder, "p.pointglass", "--meshes", "--out", "out.obj")
-    read = trimesh.load(folder / "out.obj", process=False, force="mesh")
-    assert same_places(read.vertices, np.concatenate([corners, flat]), 1e-8) and len(read.faces) == 14
+    mesh = trimesh.load_mesh(folder / "out.obj", process=False)
+    assert same_places(mesh.vertices, np.concatenate([corners, flat]), 1e-8) and len(mesh.faces) == 14
 
 
 def test_points_are_exported_without_meshes_which_a_line_says_and_options_of_points_are_refused(project):

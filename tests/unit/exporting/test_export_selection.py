@@ -123,6 +123,7 @@ def test_colours_are_the_file_s_unless_matched_exposures_are_asked_for(tmp_path)
     assert read_las(tmp_path / "b.laz").points.array.tobytes() == las.points.array.tobytes()
     export(tmp_path / "a.laz", "--exposures", "matched", "--out", tmp_path / "c.laz")
     shown, found = unpack(scene)[1], read_las(tmp_path / "c.laz")
+    assert scene.records is not None
     order = np.argsort(scene.records.numbers(slice(None)))
     assert np.array_equal(np.stack([found.red, found.green, found.blue], axis=1), shown[order] * np.uint16(257))
     assert np.array_equal(found.xyz, las.xyz)

@@ -3,6 +3,7 @@
 import gzip
 import json
 import struct
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def scan(tmp_path_factory):
     rng = np.random.default_rng(5)
     file = tmp_path_factory.mktemp("splats") / "floor.las"
     las = laspy.LasData(laspy.LasHeader(point_format=7))
-    las.header.offsets, las.header.scales = [500_000, 5_000_000, 0], [0.001] * 3
+    las.header.offsets, las.header.scales = np.array([500_000.0, 5_000_000.0, 0.0]), np.full(3, 0.001)
     own = pyproj.CRS.from_epsg(25832).to_wkt("WKT1_GDAL").replace("ETRS89 / UTM zone 32N", "Plant grid in UTM zone 32N")
     las.header.add_crs(pyproj.CRS.from_wkt(own))  # its name alone does not define it
     las.x, las.y = rng.random((2, 20_000)) * [[8], [4]] + [[500_000], [5_000_000]]
@@ -44,7 +45,7 @@ def scan(tmp_path_factory):
     return file
 
 
-def read(file):
+def read(file) -> Any:
     """xyz in the scan's coordinates where the file leads there, else in its own; normals there; rgb 0..1; opacity; standard
     deviations; points; by a library that is not ours."""
     if file.suffix == ".glb":

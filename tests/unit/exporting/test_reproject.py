@@ -8,9 +8,8 @@ import plyfile
 import pyproj
 import pytest
 from e57_files import Writer, contents
-from pye57 import libe57
 from scipy.spatial.transform import Rotation
-from untyped import read_las
+from untyped import libe57, read_las
 
 import pointglass
 from pointglass.viewer import cli
@@ -27,7 +26,7 @@ def write_las(path, xyz, crs=None, *, colours=65536):
     rng = np.random.default_rng(8)
     header = laspy.LasHeader(point_format=7, version="1.4")
     step = 1e-9 if np.ptp(xyz[:, :2], axis=0).max() < 1 else 1e-6 if np.abs(xyz).max() < 360 else 1e-3
-    header.scales, header.offsets = [step, step, 1e-3], np.floor(xyz.min(axis=0))
+    header.scales, header.offsets = np.array([step, step, 1e-3]), np.floor(xyz.min(axis=0))
     header.add_extra_dim(laspy.ExtraBytesParams("quality", "int16"))
     header.vlrs.append(laspy.VLR("somebody", 7, "a note", b"kept"))
     header.vlrs.append(laspy.VLR("liblas", 2112, "the former system", b"PROJCS[]\0"))

@@ -97,12 +97,13 @@ def test_the_network_and_its_capture_run_on_the_gpu_that_draws_whatever_their_th
     runner.release()
     assert used == [1, 1, 1, 1]
     stage, ended = Stage(ValueError()), threading.Event()
-    stage._on_device = on_same_device("cuda")
+    stage._on_device = on_same_device("cuda")  # type: ignore[assignment]
     Engine.device = "cpu"  # where tensors can be made
     stage._runner, stage.photographs = Engine(None, 1, 1), None  # type: ignore[assignment]
     stage.picture = SimpleNamespace(size=(1, 1))  # type: ignore[assignment]
-    stage.bridge = object.__new__(bridge.ReadBackBridge)
-    stage.bridge.given = np.full((1, 1, 8), 9, np.float16)
+    read_back = object.__new__(bridge.ReadBackBridge)
+    read_back.given = np.full((1, 1, 8), 9, np.float16)
+    stage.bridge = read_back  # type: ignore[assignment]
     stage.start(1, ended.set)
     assert ended.wait(20)
     done = stage._thread.take(1)
