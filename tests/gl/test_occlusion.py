@@ -27,8 +27,8 @@ from pointglass.viewer.render.culling.occlusion import (
     ROUNDS,
     SEEN,
     WORTH,
-    HiddenCells,
     Occlusion,
+    OcclusionPasses,
     batches_of,
 )
 from pointglass.viewer.render.device.shader import BATCH
@@ -116,7 +116,7 @@ def test_no_jump_loses_a_pixel_in_its_first_frame(floor, seed):
     assert saved > 0  # or nothing was tested
 
 
-def test_what_the_tally_says_is_what_was_listed(floor):
+def test_the_hidden_count_is_what_was_not_listed(floor):
     """Points and cells, counted from the lists that were drawn."""
     memory, renderer = Occlusion(), floor.renderer
     saved = 0
@@ -137,9 +137,9 @@ def test_what_the_tally_says_is_what_was_listed(floor):
                 assert rasteriser.workgroup.rows * command[0] * command[1] >= len(drawn[-1])  # enough workgroups for them
             points += sum(int(batches[:, 1].sum()) for batches in drawn)
             cells += sum(len(np.unique(batches[:, 2])) for batches in drawn)
-        tally = stats["occlusion"]
-        assert points == stats["points_drawn"] == plain["points_drawn"] - tally["points_hidden"]
-        assert cells == stats["cells_drawn"] - tally["cells_hidden"] and stats["cells_drawn"] == plain["cells_drawn"]
+        left_out = stats["occlusion"]
+        assert points == stats["points_drawn"] == plain["points_drawn"] - left_out["points_hidden"]
+        assert cells == stats["cells_drawn"] - left_out["cells_hidden"] and stats["cells_drawn"] == plain["cells_drawn"]
         assert "hidden cells skipped" in stats["approximations"] and "occlusion" not in plain
         saved += hidden(stats)
     assert saved > 0
@@ -319,7 +319,7 @@ def test_a_frame_that_fails_on_its_way_is_forgotten(floor, monkeypatch):
         raise MemoryError
 
     with monkeypatch.context() as patch:
-        patch.setattr(HiddenCells, "start", no_room)
+        patch.setattr(OcclusionPasses, "start", no_room)
         with pytest.raises(MemoryError):
             picture(floor.renderer, elsewhere, memory)
     camera = standing(floor.scan, *FULL)

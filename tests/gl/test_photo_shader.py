@@ -32,11 +32,12 @@ def test_the_shaders_colour_as_the_loops_do(context, kind, seed):
     height, width = depth.shape
     prepared = [prepared_photo(*random_photo(rng, kind if k else reference.PINHOLE)) for k in range(9)]
     pool = PhotoPool(len(prepared) - 1, max(len(photo.words) for photo in prepared))
+    resident = ResidentPool(context, pool)  # which grows with what the pool holds
     for number, photo in enumerate(prepared[:-1]):
         pool.put(number, photo)
     numbers, pool.presence = list(range(len(prepared) - 1)), {1: 0.5, 3: 0.8}  # they fade in
     programs, size = Programs(context), (width, height)
-    step, resident = PhotoShader(programs, size), ResidentPool(context, pool)
+    step = PhotoShader(programs, size)
     textures = [context.texture(size, 4, filled.tobytes()), context.texture(size, 1, alignment=1), context.texture(size, 4),
                 context.texture((-(-width // 8), -(-height // 8)), 1, dtype="f4"),
                 context.texture(size, 1, depth.tobytes(), dtype="f4"),

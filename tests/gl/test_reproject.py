@@ -179,3 +179,25 @@ def test_the_depth_of_the_filled_picture_is_that_which_the_network_is_given(cont
     solid = alpha == 255
     assert solid.mean() > 0.5 and (depth[~solid] == 0).all()
     assert np.abs(depth[solid] / told[solid] - 1).max() < 5e-3  # a half float of the feature is 0.3 % of the depth
+
+
+def test_a_gpu_is_not_waited_for_the_share_of_moved_pixels(context):
+    """It is then that of an earlier picture, once the GPU has ended it."""
+    rng, camera = np.random.default_rng(2), from_fov(64, 48, 60.0, np.eye(4))
+    picture, depth = opaque(rng, 48, 64, 0.1)
+    _, told = moved_by_gl(context, picture, depth, camera, picture, depth, camera, loops=False)
+    programs, keyframe = Programs(context), Keyframe(context, (64, 48))
+    step, textures = Reprojection(programs, (64, 48), loops=False), [texture(context, array) for array in (picture, depth)]
+    step._waits = False
+    try:
+        keyframe.take_depth(camera, textures[1])
+        keyframe.take_picture(picture)
+        shares = []
+        for _ in range(2):
+            step.run(*textures, camera, keyframe)
+            shares.append(step.share)
+            context.finish()
+        assert shares == [0.0, told] and told > 0.5
+    finally:
+        for owned in (programs, keyframe, step, *textures):
+            owned.release()

@@ -13,7 +13,7 @@ from pointglass.viewer.picture.camera import from_fov, look_at
 from pointglass.viewer.picture.settings import Memory, Settings
 from pointglass.viewer.picture.spec import PictureSpec
 from pointglass.viewer.render import renderer as module
-from pointglass.viewer.render.culling.occlusion import LAG, HiddenCells
+from pointglass.viewer.render.culling.occlusion import LAG, OcclusionPasses
 from pointglass.viewer.window.planning.picture_plan import Plan
 from pointglass.viewer.window.planning.window_area import WindowArea
 from pointglass.viewer.window.session.work import DocumentState
@@ -109,11 +109,11 @@ def test_costs_are_those_of_their_own_picture_and_come_with_the_next(context, fl
 
 
 def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor, monkeypatch):
-    """Of the frame under way neither a query nor the tally is read."""
+    """Of the frame under way neither a query nor the count of hidden cells is read."""
     known, under_way = module.describe_device, []
     monkeypatch.setattr(module, "describe_device", lambda c: replace(known(c), software=False))
-    tally = HiddenCells.tally
-    monkeypatch.setattr(HiddenCells, "tally", lambda self, n: under_way.append(n == self.serial) or tally(self, n))
+    count = OcclusionPasses.hidden_count
+    monkeypatch.setattr(OcclusionPasses, "hidden_count", lambda self, n: under_way.append(n == self.serial) or count(self, n))
     told = Told(floor[0])
     viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:

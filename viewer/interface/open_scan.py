@@ -198,12 +198,12 @@ class Scan(BesideMeshes, ScanOutputs):
             self._busy.release()
 
     def publish(self, folder: PathLike, *, at: int | PathLike = "auto", view: str = "neural", size: int = 1024,
-                title: str = "", places: int | PathLike | None = None) -> int:
+                title: str = "") -> int:
         """Writes a folder whose index.html shows panoramas in any browser, as ``pointglass publish``; returns how many places.
 
         at: at most so many planned places, "stations", "auto" (stations where they are known, else planned), or a camera file,
         of whose cameras the positions are taken.  size: 512, 1024 or 2048 pixels of a side of the six pictures around a place.
-        title: of the page; "": the scan's name.  places: another name of ``at``.
+        title: of the page; "": the scan's name.
         Raises InputError, one line, where the folder holds other files or another publication is being written into it, and
         for the first argument of a wrong kind.
         """
@@ -217,8 +217,7 @@ class Scan(BesideMeshes, ScanOutputs):
             context, renderer = self._drawing or self._begin(scene)
             with context:
                 named = title or self._name.rpartition(".")[0] or self._name  # a name without an ending is one, too
-                return publish_folder(scene, renderer, path_of(folder), at if places is None else places, view, size, named,
-                                      prepare_network)
+                return publish_folder(scene, renderer, path_of(folder), at, view, size, named, prepare_network)
 
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.

@@ -154,5 +154,5 @@ def raster_facts(rasteriser: "Rasteriser", draw: "DrawList", pages: "PointPages"
         points_gpu_bytes=pages.nbytes, points_gpu_budget=pages.budget, points_gpu_budget_source=pages.budget_source,
         opengl=opengl, stations="weighed" if weighted else "equal",  # a value of stats.json, kept
         approximations=tuple(approximations),
-        occlusion=None if hider is None else cache(partial(hider.tally, hider.serial)),  # once, when asked for
+        occlusion=None if hider is None else cache(partial(hider.hidden_count, hider.serial)),  # once, when asked for
     )  # fmt: skip

@@ -98,7 +98,7 @@ class Occlusion:
         self._scene: Scene | None = None
         self._seen = np.zeros(0, np.uint8)  # by cell of the scene; all zero between frames
         self._rounds = np.zeros(0, np.uint8)
-        self._frames: deque[tuple[HiddenCells, int, np.ndarray, int]] = deque()  # whose, number, cells (longer), how many
+        self._frames: deque[tuple[OcclusionPasses, int, np.ndarray, int]] = deque()  # whose, number, cells (longer), how many
         self._spare: list[np.ndarray] = []
 
     def forget(self) -> None:
@@ -106,7 +106,7 @@ class Occlusion:
         self._spare += [rows for _, _, rows, _ in self._frames]
         self._frames.clear()
 
-    def recall(self, scene: "Scene", draw: "DrawList", hider: "HiddenCells") -> np.ndarray:
+    def recall(self, scene: "Scene", draw: "DrawList", hider: "OcclusionPasses") -> np.ndarray:
         """(V,) uint8: the round in which each cell of the draw list is tested, 0 for those drawn without a test; valid until
         the next call."""
         cells = len(scene.cell_coords)
@@ -145,7 +145,7 @@ def _number_rounds(draw: "DrawList", rounds: np.ndarray, pixels: int) -> None:
     rounds[:] = np.where(rounds > 0, 0, numbers[step])
 
 
-class HiddenCells:
+class OcclusionPasses:
     """The passes, for one picture size.  ``keys`` (the compute rasteriser's) must hold the whole picture.
 
     rows: batches that one of its workgroups takes.  lag: how many frames back the flags are that a frame uses.
@@ -186,14 +186,14 @@ class HiddenCells:
         self._ring = make_ring(context, lag + 2)
         self._words = np.zeros(0, np.uint32)
         self._visible = self._pages = self._lists = self._serial = 0
-        self._tallies: dict[int, HiddenCount] = {}  # of the last frames, once this is released
+        self._hidden_counts: dict[int, HiddenCount] = {}  # of the last frames, once this is released
 
     def begin(self) -> int:
         """A new frame; returns its number.  Until it has ended there are no flags of it."""
         self._serial, self._visible = self._serial + 1, 0
         return self._serial
 
-    def flags_of(self, made_by: "HiddenCells", serial: int) -> np.ndarray | None:
+    def flags_of(self, made_by: "OcclusionPasses", serial: int) -> np.ndarray | None:
         """(V,) uint32 flags of frame ``serial`` as occlusion_test.comp left them, if it is the frame ``lag`` before the next
         one and this object made it.  Waits for the GPU where it is not done with that frame yet.
 
@@ -267,10 +267,10 @@ class HiddenCells:
         """The number of the frame begun last."""
         return self._serial
 
-    def tally(self, serial: int) -> HiddenCount:
+    def hidden_count(self, serial: int) -> HiddenCount:
         """What was hidden in one of the last frames; waits for the GPU where it is not done with it."""
-        if serial in self._tallies:
-            return self._tallies[serial]
+        if serial in self._hidden_counts:
+            return self._hidden_counts[serial]
         words = self._ring.read(serial)
         if words is None:  # no cell was in view
             return HiddenCount(0, 0)
@@ -280,7 +280,7 @@ class HiddenCells:
         """Frees the buffers.  The tallies of the last frames stay."""
         for serial in range(max(1, self._serial - self.lag), self._serial + 1):
             with contextlib.suppress(DeviceError):  # a lost device has no tallies
-                self._tallies[serial] = self.tally(serial)
+                self._hidden_counts[serial] = self.hidden_count(serial)
         for resource in (self._ring, self._pyramid, self._flags.buffer, self._commands.buffer, self._appended.buffer):
             resource.release()
 

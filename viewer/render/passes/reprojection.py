@@ -14,6 +14,7 @@ from ....model.common.process.processors import in_rows
 from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE, smoothing_of
 from ..device.compute_pass import Pass
 from ..device.context import describe_device
+from ..device.read_ring import make_ring
 from .reprojection_loops import moved_rows
 
 if TYPE_CHECKING:
@@ -31,6 +32,10 @@ BANDS, BAND_ROWS = 4, 10
 plant room and demo they tell a share of 0.37 to 0.70 to 0.09."""
 _LEAST_ROWS = 16
 """Fewest rows of a thread, as of the fill."""
+
+
+_COPIES = 3
+"""Pictures whose share is kept until the GPU has ended them: it is at most two behind where the window swaps two buffers."""
 
 
 class Keyframe:
@@ -99,15 +104,16 @@ class Keyframe:
 class Reprojection:
     """Owns the result of one picture size.
 
-    share: of the pixels, those that were moved, 0 to 1: of the picture before the last one on a GPU, which is not waited for.
+    share: of the pixels, those that were moved, 0 to 1.  A GPU is not waited for: its share is that of an earlier picture.
     loops: whether compiled loops move; None: in software OpenGL.
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int], *, loops: bool | None = None):
         self.size = size
         self.result = programs.context.texture(size, 4, dtype="f1")
-        self._tally = programs.context.buffer(bytes(4))
+        self._moved = programs.context.buffer(bytes(4))  # how many pixels the pass has moved
         self._waits = describe_device(programs.context).software
+        self._copies, self._copy = make_ring(programs.context, _COPIES), 0  # of these numbers, and the last one's
         self._here = self._waits if loops is None else loops
         self._memory: tuple[np.ndarray, ...] | None = None
         self.share = 0.0
@@ -132,14 +138,16 @@ class Reprojection:
             self._run_here(filled, depth, keyframe, np.array([*turn.ravel(), *shift, *ray, *lens], np.float32), smoothing)
             return self.result
         if not self._waits:
-            self._count()
-        self._tally.clear()
+            self._read_share()
+        self._moved.clear()
         self._pass.run(
             self.result, inputs={"filled": filled, "filled_depth": depth, "earlier": keyframe.picture,
-                                 "earlier_depth": keyframe.depth}, buffers={"COMMANDS": self._tally},
+                                 "earlier_depth": keyframe.depth}, buffers={"COMMANDS": self._moved},
             turn=tuple(turn.T.ravel()), shift=tuple(shift), ray=ray, lens=lens, smoothing=smoothing)  # fmt: skip
+        self._copy += 1
+        self._copies.push(self._copy, [(self._moved, 0, 4)])
         if self._waits:
-            self._count()
+            self._read_share()
         return self.result
 
     def _run_here(self, filled: "moderngl.Texture", depth: "moderngl.Texture", keyframe: Keyframe, place: np.ndarray,
@@ -160,9 +168,14 @@ class Reprojection:
     def _counted(self) -> int:
         return -(-self.size[0] // COUNTED) * -(-self.size[1] // COUNTED)
 
-    def _count(self) -> None:
-        self.share = int(np.frombuffer(self._tally.read(), np.uint32)[0]) / self._counted
+    def _read_share(self) -> None:
+        """From the latest picture that the GPU has ended, of those that are kept."""
+        kept = range(self._copy, max(self._copy - _COPIES, 0), -1)
+        ended = next((number for number in kept if self._waits or self._copies.ready(number)), None)
+        if ended is not None and (words := self._copies.read(ended)) is not None:
+            self.share = int(words[0]) / self._counted
 
     def release(self) -> None:
         self.result.release()
-        self._tally.release()
+        self._moved.release()
+        self._copies.release()

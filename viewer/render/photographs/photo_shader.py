@@ -37,16 +37,21 @@ _OVER: dict[str, Any] = {"BLOCK": constants.BLOCK, "CONTRADICTED_FROM": constant
 
 
 class ResidentPool:
-    """Owns a copy of a pool on the GPU."""
+    """Owns a copy of a pool on the GPU.  words: the slots that hold a photograph, at most photo_library.BUDGET; it grows with
+    them, and twice over, so that few photographs take little memory and many are uploaded twice at most."""
 
     def __init__(self, context: "moderngl.Context", pool: PhotoPool):
-        self.pool = pool
-        self.words = context.buffer(reserve=pool.words.nbytes)
+        self.pool, self._slots = pool, max(pool.filled, 1)
+        self.words = context.buffer(reserve=4 * pool.size * self._slots)
         self._records = context.buffer(reserve=4 * (NUMBERS + PLACES) * MOST_PHOTOGRAPHS)
         pool.changed |= set(range(pool.filled))
 
     def update(self, numbers: list[int], camera: "Camera") -> "dict[str, Storage]":
         """Uploads what has changed, and the records of these photographs; returns the buffers of photo_colour.comp."""
+        if self.pool.filled > self._slots:
+            self._slots = min(max(self.pool.filled, 2 * self._slots), self.pool.count)
+            self.words.orphan(4 * self.pool.size * self._slots)
+            self.pool.changed |= set(range(self.pool.filled))
         for slot in sorted(self.pool.changed):
             part = slice(slot * self.pool.size, (slot + 1) * self.pool.size)
             self.words.write(self.pool.words[part], offset=4 * part.start)

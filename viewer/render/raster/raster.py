@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..culling.cull import DrawList
-from ..culling.occlusion import LAST, HiddenCells, History
+from ..culling.occlusion import LAST, History, OcclusionPasses
 from .batches import BatchTable, PageMap
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Rasteriser:
     overlap = 0  # points behind a page's end that a batch may include
 
     table: BatchTable
-    hider: "HiddenCells | None" = None
+    hider: "OcclusionPasses | None" = None
 
     def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
         self.context, self.size = context, size

@@ -10,7 +10,7 @@ import moderngl
 
 from ....model.common.process.processors import usable_processors
 from ..culling.cull import DrawList
-from ..culling.occlusion import LAG, LAST, HiddenCells, History, batches_of
+from ..culling.occlusion import LAG, LAST, History, OcclusionPasses, batches_of
 from ..device import shader
 from ..device.compute_pass import rows_of_groups
 from ..device.device_class import Workgroup, workgroups
@@ -92,7 +92,7 @@ class ComputeRasteriser(ShaderRasteriser):
 
     def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
         if self.hider is None:
-            self.hider = HiddenCells(self.programs, self.size, self._rows, self._lag)
+            self.hider = OcclusionPasses(self.programs, self.size, self._rows, self._lag)
         hider, count = self.hider, len(pages.buffers)
         rounds = history.memory.recall(history.scene, draw, hider)
         self._bring(pages, draw, part, rounds)
@@ -111,7 +111,7 @@ class ComputeRasteriser(ShaderRasteriser):
             self._draw_round(more[1], pages, hider, number)
         hider.end()
 
-    def _draw_round(self, step: moderngl.ComputeShader, pages: "PointPages", hider: HiddenCells, number: int) -> None:
+    def _draw_round(self, step: moderngl.ComputeShader, pages: "PointPages", hider: OcclusionPasses, number: int) -> None:
         """Runs a pass on what a round draws, 0: without a test."""
         self._bind()
         for page, buffer in enumerate(pages.buffers):
