@@ -348,7 +348,7 @@ def test_real_e57_files_open_with_their_counts_and_colours(name):
 @pytest.mark.parametrize("kind", ["las", "laz", "ply", "e57"])
 def test_a_file_truncated_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
     """Truncated by another program between two chunks: one line, and no bus error."""
-    for module in ("las.las_source.CHUNK", "ply.ply_source.CHUNK", "e57.e57_source._CHUNK"):
+    for module in ("las.las_source.CHUNK", "ply.ply_source.CHUNK", "e57.e57_source.BLOCK"):
         monkeypatch.setattr(f"pointglass.viewer.readers.{module}", 20_000)
     xyz, rgb = surface(100_000)
     path = tmp_path / f"scan.{kind}"

@@ -6,8 +6,8 @@ without a pose are taken to be in the common frame already.
 """
 
 import logging
-from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -21,8 +21,9 @@ from .. import crs
 from ..column_source import RANGE_RUNS
 from ..record_blocks import RecordBlocks
 from ..sampling import interleaved
-from ..source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source
+from ..source import AS_STORED, Chunk, Records, ScanInfo, Source
 from .e57_blocks import e57_blocks
+from .e57_columns import APART, BLOCK, Wanted, column_blocks, decoded_apart
 from .e57_conversion import converted
 from .e57_length import length_warning
 from .e57_nodes import check_prototypes, child, is_number, library, open_e57, point_vectors, pose_of, text_of, xml_of
@@ -30,7 +31,6 @@ from .e57_packets import PacketReader, UnknownPacking
 from .e57_ranges import colour_range, intensity_range, range_of, trusted, zeros
 from .e57_records import RawField, columns_of, raw_records
 
-_CHUNK = CHUNK // 2  # points of a buffer, float64 for every field, 4 MB each; twice raises the peak from 177 MB to 300
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _RGB = ("colorRed", "colorGreen", "colorBlue")
@@ -133,13 +133,28 @@ class E57Source(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the valid points of scan after scan."""
-        with open_e57(self.path) as file:  # once: libe57 parses the description of all scans whenever it opens a file
-            for number, scan in enumerate(self._scans):
-                if scan.count:
-                    if "intensity" in scan.fields and scan.intensity is None:  # here: a file has one reader at a time
-                        self._measure_intensity(number, file)
-                    for columns in self._columns(number, scan.wanted, file, copied=False):
-                        yield self._chunk(number, scan, columns, self._intensity_of(number, columns))
+        asked = [Wanted(number, scan.count, tuple(scan.wanted)) for number, scan in enumerate(self._scans) if scan.count]
+        apart = (self.count or 0) >= APART
+        # libe57 parses the description of all scans whenever it opens a file: once, and not where another process does
+        with nullcontext() if apart else open_e57(self.path) as file:
+            for wanted in asked:  # here: a file has one reader at a time
+                if "intensity" in wanted.names and self._scans[wanted.number].intensity is None:
+                    self._measure_intensity(wanted.number, file)
+            blocks = decoded_apart(self.path, asked, BLOCK) if apart else self._decoded(asked, file)
+            done = {wanted.number: 0 for wanted in asked}
+            with closing(blocks):
+                for number, columns in blocks:
+                    done[number] += len(columns[self._scans[number].coordinates[0]])
+                    yield self._chunk(number, self._scans[number], columns, self._intensity_of(number, columns))
+        for wanted in asked:
+            if done[wanted.number] < wanted.count:
+                raise self._truncated(wanted.number, done[wanted.number])
+
+    def _decoded(self, asked: list[Wanted], file: Any) -> Generator[tuple[int, dict[str, np.ndarray]], None, None]:
+        """As e57_columns.decoded_apart, in this process."""
+        for wanted in asked:
+            for columns in self._columns(wanted.number, wanted.names, file, copied=False):
+                yield wanted.number, columns
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
@@ -288,30 +303,17 @@ class E57Source(Source):
             self._ranges[number] = range_of(found["intensity"] for found in self._columns(number, ["intensity"], file))
 
     def _columns(
-        self, number: int, names: list[str], file: Any = None, *, copied: bool = True
+        self, number: int, names: Sequence[str], file: Any = None, *, copied: bool = True
     ) -> Iterator[dict[str, np.ndarray]]:
-        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time.  file: as opened; None: it is opened.
+        """Yields fields of one scan as scaled float64, BLOCK points at a time.  file: as opened; None: it is opened.
         copied: False: arrays are valid until the next are read."""
-        libe57 = library()
-        done, count = 0, self._scans[number].count
+        wanted, done = Wanted(number, self._scans[number].count, tuple(names)), 0
         with open_e57(self.path) if file is None else nullcontext(file) as file:
-            points = file.root()["data3D"][number]["points"]
-            capacity = min(_CHUNK, count)
-            arrays = {name: np.empty(capacity) for name in names}
-            buffers = libe57.VectorSourceDestBuffer()
-            for name, array in arrays.items():
-                buffers.append(libe57.SourceDestBuffer(file, name, array, capacity, True, True))
-            reader = points.reader(buffers)
-            try:
-                while done < count:
-                    n = reader.read()
-                    if n == 0:
-                        raise self._truncated(number, done)
-                    done += n
-                    yield {name: array[:n].copy() if copied else array[:n] for name, array in arrays.items()}
-            finally:
-                if reader.isOpen():
-                    reader.close()
+            for columns in column_blocks(file, wanted, BLOCK):
+                done += len(columns[names[0]])
+                yield {name: values.copy() if copied else values for name, values in columns.items()}
+        if done < wanted.count:
+            raise self._truncated(number, done)
 
     def _truncated(self, number: int, done: int) -> InputError:
         return InputError(f"truncated: {done:,} of {self._scans[number].count:,} points of {self.scans[number].name!r} could "
