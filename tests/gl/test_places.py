@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from clouds import camera_in, room
 
 from pointglass.viewer.common.paths import cache_dir
 from pointglass.viewer.grid.build_scene import build_scene, in_memory
+from pointglass.viewer.grid.building.spacing import of_candidates
 from pointglass.viewer.grid.cache import load_folder
 from pointglass.viewer.grid.density_layers import Lattice
+from pointglass.viewer.grid.place import joined_spacing
 from pointglass.viewer.grid.place.convert_files import PlaceOptions, convert_one
 from pointglass.viewer.grid.place.join_grids import joined
 from pointglass.viewer.grid.place.open_place import open_place
@@ -40,10 +43,15 @@ def made_files(folder, seed: int, number: int):
 
 def both(files):
     """The place, and one grid of its points with the same cells.  Noise and spacing are estimates: the same here."""
-    place, left_out = open_place(files, match=False)
+    found: list[np.ndarray] = []
+    with patch.object(joined_spacing, "of_candidates", lambda words: found.append(of_candidates(words)) or found[-1]):
+        place, left_out = open_place(files, match=False)
     assert left_out == []
     one = build_scene(files, in_memory, match=False, lattice=Lattice(place.cell_size))
-    assert abs(place.spacing / one.spacing - 1) < 0.5  # estimates of samples, 0.42 apart for one seed of five files
+    # both are medians around some 350 points, others each; a room with dense boxes has few spacings about its median, so that
+    # the medians may be 42 % apart (seed 192401465) with 3 % of the spacings between them; a share of .15 is four deviations
+    steps = np.concatenate(found)
+    assert abs(np.mean(steps[steps > 0] * place.step < one.spacing) - 0.5) < 0.15
     return replace(place, noise=one.noise, spacing=one.spacing), one
 
 
