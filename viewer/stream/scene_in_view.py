@@ -6,6 +6,10 @@ down to the leaves.  Noise, spacing, exposures, missing colour and the size of c
 that filled pictures are not equal to the byte, and holes may be filled otherwise.  The same cameras make the same scene, in
 each process.
 
+Of three filled pictures of street_corner.laz at 240x180, one differs from that of all points by the noise (32 dB, and 56 with
+the noise map of all points; the spacing changes 3), and one by the directions that count as closed, 1,039 in place of 1,080 of
+1,536: a part is background there and filled otherwise (24 dB; under 1 more if the coarsest levels are read everywhere).
+
 Frame: file coordinates.
 """
 
