@@ -57,7 +57,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "stations": "weighed" if stations_differ(scene.station_places) else "equal",
         "bounds": {"min": low, "max": high},
         "size": [b - a for a, b in zip(low, high, strict=True)],
-        "spacing": scene.spacing,
+        "spacing": scene.spacing if low != high else None,  # of one place it is not known
         "units": meta.units,
         "metres_per_unit": meta.metres_per_unit,
         "crs": meta.crs,
@@ -107,7 +107,7 @@ def format_text(scene: Scene, full: bool = False) -> str:
         ("from", place_text(low)),
         ("to", place_text(high)),
         ("size", " x ".join(f"{b - a:.4g}" for a, b in zip(low, high, strict=True)) + f" {unit}"),
-        ("spacing", f"{scene.spacing:.3g} {unit}"),
+        ("spacing", f"{scene.spacing:.3g} {unit}" if low != high else "unknown: all points lie in one place"),
         ("units", f"{meta.units} ({lengths}{', assigned in the project' if meta.assigned else ''})"),
         ("CRS", f"{meta.crs or 'not given'}{' (assigned in the project)' if meta.assigned.crs else ''}"),
         ("colour", "-" if meta.colour is None else meta.colour.note),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pointglass.viewer.commands.info import format_text
+from pointglass.viewer.commands.info import facts, format_text
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.preprocess.scan_description import ScanDescription, ScanSummary
 
@@ -15,6 +15,13 @@ def test_a_scan_whose_name_has_newlines_and_tabs_has_one_line(seed):
     assert [line for line in lines if line.startswith("scan ")] == [
         "scan     hall warning all is well: 50 points, no pose", r"scan     two\x1b[2J: 50 points, no pose"]
     assert not any(line.startswith("warning  all") for line in lines) and all(line.isprintable() for line in lines)
+
+
+def test_the_spacing_of_points_in_one_place_is_unknown():
+    for count in (1, 200):
+        scene = scene_from_arrays(np.ones((count, 3)), np.zeros((count, 3), np.uint8))
+        assert "spacing  unknown: all points lie in one place" in format_text(scene).split("\n")
+        assert facts(scene)["spacing"] is None
 
 
 def test_coordinates_of_a_thousand_million_keep_their_millimetres():

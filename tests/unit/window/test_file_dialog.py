@@ -296,6 +296,21 @@ def test_each_purpose_remembers_its_folder_and_a_folder_that_is_gone_is_not_used
     assert later.choice.folder == folder and not later.choice.listing.problem
 
 
+def test_what_is_made_of_a_scan_is_saved_beside_it_until_another_folder_is_chosen(folder, state):
+    FileDialogs().folders.note("tables", folder)  # of another work
+    beside = folder / "deeper"
+    files = FileDialogs(scan_folder=lambda: beside)
+    assert files.first_folders("tables", saves=True)[0] == beside and files.first_folders("tables")[0] == folder
+    files.save("tables", "Table", "a.csv", {"CSV": (".csv",)}, lambda path: None)
+    wait(files.choice)
+    assert files.choice.folder == beside
+    files.choice.type(str(folder / "a"))
+    files.choice.enter()
+    wait(files.choice)
+    files.poll()
+    assert files.first_folders("tables", saves=True)[0] == folder
+
+
 class SystemDialog:
     """The desktop's dialog, closed with an answer."""
 

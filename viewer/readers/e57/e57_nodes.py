@@ -42,7 +42,10 @@ def open_e57(path: Path) -> Iterator[Any]:
         file = libe57.ImageFile(os.fsencode(readable(path)), "r")  # a file name may not be valid text
         yield file
     except libe57.E57Exception as error:
-        raise InputError(first_line(error), file=path, remedy="copy or export it again") from None
+        text = first_line(error)
+        if "ErrorBadFileLength" in text:
+            text = f"truncated or damaged: its header states another length than its {path.stat().st_size:,} bytes"
+        raise InputError(text, file=path, remedy="copy or export it again") from None
     except UnicodeDecodeError:  # from the binding, for an error text that quotes damaged bytes
         raise InputError("damaged: the packing of its points is not readable", file=path,
                          remedy="copy or export it again") from None

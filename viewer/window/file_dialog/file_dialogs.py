@@ -51,6 +51,7 @@ class FileDialogs:
         self._wake, self.scan_folder = wake, scan_folder
         self.folders = RememberedFolders()
         self.choice: FileChoice | None = None
+        self._chosen: set[tuple[str, Path | None]] = set()  # purposes in this window, and where the scan lay
         self._system: tuple[Any, Request] | None = None
         self.has_system = system_dialog()
         self._since = 0.0  # when it was opened, seconds
@@ -78,9 +79,12 @@ class FileDialogs:
         """Whether the dialog inside the window is used although the system has one; remembered."""
         self.folders.prefer_window(preferred)
 
-    def first_folders(self, purpose: str) -> list[Path]:
-        """Where a dialog begins: the first of these that is there."""
-        found = self.folders.folder_of(purpose), self.scan_folder(), Path.cwd(), Path.home()
+    def first_folders(self, purpose: str, *, saves: bool = False) -> list[Path]:
+        """Where a dialog begins: the first of these that is there.  saves: what is made of a scan is saved beside it, unless
+        another folder was chosen for it in this window: the remembered one is of another work."""
+        found = [self.folders.folder_of(purpose), scan := self.scan_folder(), Path.cwd(), Path.home()]
+        if saves and scan is not None and (purpose, scan) not in self._chosen:
+            found.insert(0, scan)
         return [folder.absolute() for folder in found if folder is not None]
 
     def _show(self, request: Request, folder: Path | None = None, inside: bool = False) -> None:
@@ -88,7 +92,7 @@ class FileDialogs:
         if self._system is not None or (self.choice is not None and self.choice.request.title == request.title):
             return
         self.close()
-        begin = ([folder] if folder is not None else []) + self.first_folders(request.purpose)
+        begin = ([folder] if folder is not None else []) + self.first_folders(request.purpose, saves=request.kind == "save")
         self.has_system = system_dialog()  # which may have been installed meanwhile
         if self.has_system and not (self.folders.in_window or inside):
             self._since = monotonic()
@@ -132,6 +136,7 @@ class FileDialogs:
     def _finish(self, request: Request, paths: list[Path]) -> None:
         if not (request.addresses and is_address(paths[0])):
             paths = [path.absolute() for path in paths]
+            self._chosen.add((request.purpose, self.scan_folder()))
             self.folders.note(request.purpose, paths[0] if request.kind == "folder" else paths[0].parent)
         request.done(paths)
 

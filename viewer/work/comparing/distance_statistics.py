@@ -47,7 +47,7 @@ class Statistics:
 
     @property
     def median(self) -> float:
-        return self.quantiles[QUANTILES.index(0.5)]
+        return self.quantiles[QUANTILES.index(0.5)] + 0.0  # -0 is 0
 
     @property
     def limit(self) -> float:
