@@ -265,3 +265,7 @@ def test_core_points_are_the_nearest_to_the_mean_of_their_cell_whatever_the_bloc
     for block in (1, 64, 1000, 1 << 17):
         monkeypatch.setattr(point_cells, "_BLOCK", block)
         assert core_points(cells).tolist() == expected
+
+
+def test_a_median_of_no_change_has_no_sign():
+    assert str(statistics_of(np.full(5, -0.0), np.full(5, 0.001)).median) == "0.0"
