@@ -1,5 +1,6 @@
 // The neural picture of an earlier camera as the present one sees it, where both see the same surface; the filled picture
-// elsewhere, smoothed as far as the network smoothed the earlier one, and as a bound: a moved colour never leaves the range of the filled picture's 3 x 3 pixels around it.
+// elsewhere, smoothed as far as the network smoothed the earlier one, and as a bound: a moved colour leaves the range of the
+// filled picture's 3 x 3 pixels around it by WIDER of it at most.
 // Four pixels an invocation, which share what they read of the filled picture: software OpenGL pays for each fetch.
 // Reference implementation: model/reference/reprojection.py.
 
@@ -39,7 +40,8 @@ void write(ivec2 at, ivec2 extent, vec4 base, float z, vec3 low, vec3 high) {
         float nearer = clamp((MOST_NEARER - there.z / z) / FADES_OVER, 0.0, 1.0);
         if (known > 0.0) trust = clamp(2.0 - 2.0 * apart / SAME_DEPTH, 0.0, 1.0) * nearer;
         vec3 colour = between(earlier, pixel, bounds).rgb;
-        base.rgb = mix(base.rgb, clamp(colour, low, high), SHARE * trust);
+        vec3 beyond = WIDER * (high - low);
+        base.rgb = mix(base.rgb, clamp(colour, low - beyond, high + beyond), SHARE * trust);
     }
     imageStore(result, at, base);
     if (trust > 0.0 && (at.x | at.y) % COUNTED == 0) atomicAdd(moved, 1u);

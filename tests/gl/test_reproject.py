@@ -8,7 +8,7 @@ import pytest
 from clouds import room
 
 from pointglass.model.network.network_layout import DEPTH_FEATURE_SCALE
-from pointglass.model.reference.reprojection import COUNTED, SHARE, reprojected, smoothed, smoothing_of
+from pointglass.model.reference.reprojection import COUNTED, SHARE, WIDER, reprojected, smoothed, smoothing_of
 from pointglass.viewer.picture.camera import Camera, from_fov, look_at
 from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
@@ -97,7 +97,8 @@ def test_from_the_same_place_each_colour_is_mixed_with_its_own(context, seed):
     solid = depth > 0
     padded = np.pad(filled[..., :3].astype(float), ((1, 1), (1, 1), (0, 0)), mode="edge")
     around = np.stack([padded[y : y + 40, x : x + 64] for y in range(3) for x in range(3)])
-    bounded = np.clip(earlier[..., :3], around.min(axis=0), around.max(axis=0))
+    low, high = around.min(axis=0), around.max(axis=0)
+    bounded = np.clip(earlier[..., :3], low - WIDER * (high - low), high + WIDER * (high - low))
     wanted = (1 - SHARE) * filled[..., :3] + SHARE * bounded
     assert np.abs(made[..., :3] - wanted)[solid].max() < NEAR
     assert np.array_equal(made[~solid], filled[~solid]), "what is not opaque stays as it was filled"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....model.common.process.processors import in_rows
-from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE, smoothing_of
+from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE, WIDER, smoothing_of
 from ..device.compute_pass import Pass
 from ..device.context import describe_device
 from ..device.read_ring import make_ring
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..device.shader import Programs
 
 _CONSTANTS = {"SAME_DEPTH": SAME_DEPTH, "SHARE": SHARE, "MOST_NEARER": MOST_NEARER, "FADES_OVER": FADES_OVER,
-              "COUNTED": COUNTED}
+              "COUNTED": COUNTED, "WIDER": WIDER}
 
 
 BANDS, BAND_ROWS = 4, 10

@@ -8,7 +8,7 @@ need no branch, and a distance between what is read and what is written that the
 import numpy as np
 
 from ....model.common.jit import compiled
-from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE
+from ....model.reference.reprojection import COUNTED, FADES_OVER, MOST_NEARER, SAME_DEPTH, SHARE, WIDER
 
 STRIP = 256
 _PLANE = STRIP + 16  # with a power of two, planes would share lines of the cache
@@ -153,7 +153,8 @@ def _mixed(smoothing, n, s):
             a, b = _F(one >> shift & _BYTE), _F(two >> shift & _BYTE)
             c, d = _F(three >> shift & _BYTE), _F(four >> shift & _BYTE)
             upper, lower = a + (b - a) * right, c + (d - c) * right
-            colour = min(max(upper + (lower - upper) * below, _F(low)), _F(high))
+            beyond = _F(high - low) * _F(WIDER)
+            colour = min(max(upper + (lower - upper) * below, _F(low) - beyond), _F(high) + beyond)
             base += (colour - base) * share
             made |= _I(min(max(base + _F(0.5), _F(0.0)), _F(255.0))) << shift
         n[_AT + i] = made
