@@ -178,6 +178,20 @@ def check_saving_waits_for_a_plane_that_is_fitted_and_leaving_asks(p: Person, fo
         assert not p.d.app.closing and not project.exists()
     p.d.until(project.exists)
     assert len(read_project(project).measurements) == 1 and not projects.changed
+    tool.kind = "distance"
+    xdo("mousemove", round(left + width * 0.5), round(top + height * 0.5))
+    p.d.rest()
+    xdo("click", 1)
+    p.d.until(lambda: len(tool.points) == 1 and session.work.begun is not None and not session.work.exact_points.busy)
+    session.work.edit("Remove the plane", measurements=())
+    gone: list[bool] = []
+    projects.leave(lambda: gone.append(True))
+    p.d.rest()
+    assert session.notices.message and "distance that is not ended; Save keeps the rest" in session.notices.message.text
+    p.key("Return")
+    p.d.until(lambda: bool(gone) or session.notices.message is not None)
+    assert gone and session.notices.message is None, "one question"
+    assert not read_project(project).measurements
     projects.leave = usual
     tool.kind = "distance"
     p.key("Escape")

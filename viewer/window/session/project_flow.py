@@ -97,9 +97,7 @@ class ProjectFlow:
     @property
     def title(self) -> str:
         """Of the window."""
-        if self._session.scene is None:
-            return "pointglass"
-        return f"{'• ' if self.changed else ''}{self.name} · pointglass"
+        return f"{'• ' if self.changed else ''}{self.name} · pointglass" if self._session.scene is not None else "pointglass"
 
     def follow(self) -> None:
         """Called in every turn of the loop, before a picture is made: hands what is not saved to the autosave."""
@@ -226,25 +224,27 @@ class ProjectFlow:
             then()
             return
 
-        def give_up() -> None:
-            self._given_up, self._saving = content, None
+        def give_up(agreed: _Content = content) -> None:
+            self._given_up, self._saving = agreed, None
             then()
+
+        def saved() -> None:  # what is not ended is not asked about again where the question has named it
+            named = begun is not None and begun == self._session.work.begun and not (self.changed or self._answering())
+            return give_up(self._content) if named else self.leave(then)
 
         self._session.let_go()
         ask = self._session.notices.ask
         if self.changed or lost:
-            more = f", and a measurement of {begun.kind} that is not ended" if begun is not None else ""
+            more = f", and a measurement of {begun.kind} that is not ended; Save keeps the rest" if begun is not None else ""
             what = f"Save {'' if lost else 'the changes to '}{self.name}?"
             ask(what, f"Discard loses {lost or 'everything since the last save'}{more}.", (
-                Answer("Save", lambda: self.save(lambda: self.leave(then))), Answer("Discard", give_up), Answer("Cancel")))
+                Answer("Save", lambda: self.save(saved)), Answer("Discard", give_up), Answer("Cancel")))
             self._asked = self._session.notices.message
-        elif answering:
-            ask("Give up the measurement that is not ended?", "What was clicked last is being measured. Leaving loses it.", (
-                Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip
-        elif begun is not None:
-            ask("Give up the measurement that is not ended?",
+        elif answering or begun is not None:
+            what = "What was clicked last is being measured. Leaving loses it." if answering or begun is None else (
                 f"{begun.kind.capitalize()}: {counted(len(begun.points), 'point')} set. Leaving loses them; "
-                "a project keeps what is ended.", (Answer("Go on"), Answer("Give up", give_up)))  # fmt: skip
+                "a project keeps what is ended.")  # fmt: skip
+            ask("Give up the measurement that is not ended?", what, (Answer("Go on"), Answer("Give up", give_up)))
 
     def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
         """Ends the window by ``then``, as :meth:`leave` does; asks first where something is ``unfinished``, in sentences."""
