@@ -39,10 +39,19 @@ _PIECE = 8 << 20
 def loaded(path: Path | str) -> np.ndarray:
     """The array in an .npy file, read into memory.  Raises DamagedGrid naming the file where there is none."""
     with _opened(path) as file:
-        shape, dtype, start = _layout(path, file)
-        with _damage_named(path):
-            file.seek(start)
-            return np.frombuffer(bytearray(file.read()), dtype, math.prod(shape)).reshape(shape)
+        try:
+            if found := _PLAIN_NPY.match(data := bytearray(file.read())):
+                shape, dtype = _described(found)
+                if len(found[0]) + math.prod(shape) * dtype.itemsize <= len(data):
+                    return np.frombuffer(data, dtype, math.prod(shape), len(found[0])).reshape(shape)
+        except _NPY_ERRORS as error:
+            raise _damage(path, error) from None
+    return NpyColumn(path)[:]
+
+
+def _described(found: re.Match) -> tuple[tuple[int, ...], np.dtype]:
+    """Shape and type of a plain header."""
+    return tuple([int(side) for side in found["shape"].split(b",") if side.strip()]), np.dtype(found["type"].decode())
 
 
 class IndexedRows:
@@ -189,21 +198,24 @@ def _opened(path: Path | str) -> io.FileIO:
     """Raises DamagedGrid naming the file where there is none."""
     if not os.path.isfile(path):  # opening a pipe would block
         raise DamagedGrid(f"{os.path.basename(path)} is no file")
-    with _damage_named(path):
+    try:
         return open(path, "rb", buffering=0)  # its caller closes it
+    except OSError as error:
+        raise _damage(path, error) from None
 
 
 def _layout(path: Path | str, file: io.FileIO) -> tuple[tuple[int, ...], np.dtype, int]:
     """Shape, type and first byte of the array in an open .npy file that is complete and in C order.  Raises DamagedGrid."""
-    with _damage_named(path):
+    try:
         if found := _PLAIN_NPY.match(file.read(128)):
-            shape, dtype, start = tuple(int(side) for side in found["shape"].split(b",") if side.strip()), found["type"], 128
-            dtype = np.dtype(dtype.decode())
+            shape, dtype, start = *_described(found), len(found[0])
         else:
             shape, dtype, start = _read_header(path, file)
         if start + math.prod(shape) * dtype.itemsize > os.fstat(file.fileno()).st_size:
             raise DamagedGrid(f"{os.path.basename(path)} is truncated")
         return shape, dtype, start
+    except _NPY_ERRORS as error:
+        raise _damage(path, error) from None
 
 
 def _read_header(path: Path | str, file: io.FileIO) -> tuple[tuple[int, ...], np.dtype, int]:
@@ -220,10 +232,5 @@ def _read_header(path: Path | str, file: io.FileIO) -> tuple[tuple[int, ...], np
     return shape, dtype, file.tell()
 
 
-@contextlib.contextmanager
-def _damage_named(path: Path | str):
-    """Errors of a damaged file as DamagedGrid."""
-    try:
-        yield
-    except _NPY_ERRORS as error:
-        raise DamagedGrid(f"{os.path.basename(path)}: {first_line(error)}") from None
+def _damage(path: Path | str, error: Exception) -> DamagedGrid:
+    return DamagedGrid(f"{os.path.basename(path)}: {first_line(error)}")
