@@ -85,7 +85,7 @@ def sources(context, monkeypatch) -> dict[str, str]:
     from pointglass.viewer.doctor_probes import compute_works
     from pointglass.viewer.render.meshes.mesh_pass import MeshPass
     from pointglass.viewer.render.network.bridge import ReadBackBridge, works
-    from pointglass.viewer.render.network.neural import unpacking
+    from pointglass.viewer.render.network.neural_picture import unpacking
     from pointglass.viewer.render.passes.reprojection import Reprojection
     from pointglass.viewer.render.photographs.kept_photographs import OverNetwork
     from pointglass.viewer.render.photographs.photo_shader import PhotoShader

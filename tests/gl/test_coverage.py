@@ -16,6 +16,7 @@ from pointglass.viewer.picture.settings import Settings
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.network import neural
 from pointglass.viewer.render.network.bridge import ReadBackBridge
+from pointglass.viewer.render.network.neural_picture import NeuralPicture
 from pointglass.viewer.render.network.present_loops import present_rows
 from pointglass.viewer.render.renderer import Renderer
 
@@ -89,19 +90,18 @@ def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context,
     made = rng.uniform(-0.5, 1.7, (37, 53, 4)).astype(np.float16)
     alpha = rng.choice([0, 255], (37, 53)).astype(np.uint8)
     programs, filled = Programs(context), context.texture((53, 37), 4, np.repeat(alpha[..., None], 4, -1).tobytes())
-    picture, bridge = context.texture((53, 37), 4), ReadBackBridge(context, (53, 37))
+    bridge = ReadBackBridge(context, (53, 37))
     bridge.output.write(made)
     shown_bridge = bridge if copied else SimpleNamespace(output=bridge.output)
-    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture, photographs=None, _shown=None,
-                            _unpack=neural.unpacking(programs, copied=copied is not None))  # fmt: skip
+    stage = NeuralPicture(programs, (53, 37), copied=copied is not None)
     try:
-        neural.NeuralStage.present(stage, filled)  # type: ignore[arg-type]
-        shown = np.frombuffer(picture.read(), np.uint8).reshape(made.shape)
+        stage.show(shown_bridge, filled, None, None)
+        shown = np.frombuffer(stage.texture.read(), np.uint8).reshape(made.shape)
         by_loops = np.empty(alpha.size, np.uint32)
         present_rows(made.reshape(-1).view(np.uint16), np.frombuffer(filled.read(), np.uint32), 53, by_loops, 0, 37)
         assert np.abs(by_loops.view(np.uint8).reshape(made.shape).astype(int) - shown).max() <= 1
     finally:
-        for resource in (filled, bridge, picture, programs):
+        for resource in (filled, bridge, stage, programs):
             resource.release()
     wanted = made.astype(np.float64).clip(0, 1)
     wanted[..., 3] *= alpha / 255

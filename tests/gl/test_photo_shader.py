@@ -10,7 +10,7 @@ import pytest
 from pointglass.model.reference import photo_colours as reference
 from pointglass.viewer.render.device.shader import Programs
 from pointglass.viewer.render.network.bridge import ReadBackBridge
-from pointglass.viewer.render.network.neural import unpacking
+from pointglass.viewer.render.network.neural_picture import unpacking
 from pointglass.viewer.render.photographs.kept_photographs import OverNetwork
 from pointglass.viewer.render.photographs.photo_pass import photographed
 from pointglass.viewer.render.photographs.photo_pool import PhotoPool, prepared_photo

@@ -100,7 +100,6 @@ def test_the_network_and_its_capture_run_on_the_gpu_that_draws_whatever_their_th
     stage._on_device = on_same_device("cuda")  # type: ignore[assignment]
     Engine.device = "cpu"  # where tensors can be made
     stage._runner, stage.photographs = Engine(None, 1, 1), None  # type: ignore[assignment]
-    stage.picture = SimpleNamespace(size=(1, 1))  # type: ignore[assignment]
     read_back = object.__new__(bridge.ReadBackBridge)
     read_back.given = np.full((1, 1, 8), 9, np.float16)
     stage.bridge = read_back  # type: ignore[assignment]

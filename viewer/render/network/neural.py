@@ -5,42 +5,37 @@ Two ways to run: :meth:`NeuralStage.infer` at once, for headless pictures; and :
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from ....model.common.process.processors import in_rows
 from ....model.network.engines import ENGINES, Runner
 from ....model.network.levels import LEVELS
 from ....model.network.reconstruct import Reconstructor, cuda_problem
 from ....model.network.weights import WeightsError
 from ...common.errors import DeviceError, DeviceLostError, InputError, Option
 from ..device import shader
-from ..device.compute_pass import Pass
 from ..device.context import LOST, context_lost
 from ..device.device_failure import device_failure
 from ..device.egl import current_cuda_number
 from ..device.match_device import on_same_device, use_matching_device
 from ..passes.fill_cpu import CpuFill
-from ..photographs.kept_photographs import OVER_NETWORK, KeptPhotographs, OverNetwork, PhotoColours
+from ..photographs.kept_photographs import KeptPhotographs, PhotoColours
 from .background_capture import BackgroundRunner
 from .bridge import Network, ReadBackBridge, run_on_host
 from .choose_bridge import make_bridge
 from .network_thread import NetworkThread
-from .present_loops import present_rows
+from .neural_picture import NeuralPicture
 
 if TYPE_CHECKING:
     import moderngl
 
-    from ..device.compute_pass import Storage
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.network.engines.ENGINES), for measurements."""
 
-_LEAST_ROWS = 32
-"""Fewest rows of a thread, when a picture is made of the network's output."""
 _FAILED = ("failed",)
 """The key of a stage that is not to be used again."""
 _networks: dict[tuple[str, bool, str | None, str, str, int | None], Reconstructor] = {}
@@ -69,20 +64,11 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
     return _networks[key]
 
 
-def unpacking(programs: shader.Programs, *, copied: bool, bounded: bool = True, photographs: bool = False) -> Pass:
-    """The pass that makes a picture of the network's pixels.  copied: they are in a texture, not a buffer.  bounded: the filled
-    picture's alpha is a bound.  photographs: their colours come over it, and if bounded, how far is written, too."""
-    inputs = (*(("filled",) if bounded else ()), *(("copied",) if copied else ()),
-              *(("photographs", "grid", "block_apart") if photographs else ()))
-    counted = photographs and bounded
-    return Pass(programs, "network's picture", "network_output.comp", outputs=("neural", *(("counted",) if counted else ())),
-                inputs=inputs, buffers=() if copied else ("NETWORK",), COPIED=1 if copied else None,
-                BOUNDED=1 if bounded else None, PHOTOGRAPHS=1 if photographs else None, COUNTED=1 if counted else None,
-                **(OVER_NETWORK if photographs else {}))  # fmt: skip
-
-
 class NeuralStage:
-    """Owns the bridge and the picture for one size, quality and device, and on CUDA the network's graph for that size.
+    """Runs the network of one size, quality and device.
+
+    It puts together what has one duty each: the bridge places the pixels, the network's thread (NetworkThread) or its graph on
+    CUDA (Runner) runs it, and a NeuralPicture makes a picture of the result.  It owns all of them.
 
     background: capture the graph on another thread and run call by call until it is there (for a window).
 
@@ -109,9 +95,6 @@ class NeuralStage:
         self.photographs: PhotoColours | None = None
         self._kept: KeptPhotographs | None = None  # of the run under way, where later pictures change the above
         self._keeps = False
-        self._counted: moderngl.Texture | None = None  # R8: how much of ``picture`` is from photographs
-        self._counts = False
-        self._contradictions: OverNetwork | None = None
         self._shown: np.ndarray | None = None  # of CpuFill, which made the input
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
@@ -125,10 +108,7 @@ class NeuralStage:
             if failure := device_failure(error):
                 raise failure from error
             raise
-        self._programs = programs
-        self._passes: dict[tuple[bool, bool], Pass] = {}  # (bounded, with photographs), each made when it is first needed
-        self._unpack = unpacking(programs, copied=isinstance(self.bridge, ReadBackBridge))
-        self.picture = self.context.texture(size, 4, dtype="f1")
+        self._picture = NeuralPicture(programs, size, copied=isinstance(self.bridge, ReadBackBridge))
 
     @property
     def usable(self) -> bool:
@@ -229,10 +209,7 @@ class NeuralStage:
         if self._take(serial) is None:
             return False
         assert isinstance(self.bridge, ReadBackBridge)
-        kept, inputs = self._kept if self._keeps else None, {"copied": self.bridge.output_texture()}
-        if kept is not None:
-            inputs |= self._over(kept, inputs, {})
-        self._pass(bounded=False, photographs=kept is not None).run(target, inputs=inputs)
+        self._picture.write_into(target, self.bridge, self._kept if self._keeps else None)
         return True
 
     def _take(self, serial: int) -> float | None:
@@ -255,43 +232,19 @@ class NeuralStage:
         """Forgets a picture whose network has not begun or whose result was not presented; interrupts a run under way."""
         self._thread.drop()
 
-    def _pass(self, *, bounded: bool, photographs: bool) -> Pass:
-        key = bounded, photographs
-        if key not in self._passes:
-            copied = isinstance(self.bridge, ReadBackBridge)
-            self._passes[key] = unpacking(self._programs, copied=copied, bounded=bounded, photographs=photographs)
-        return self._passes[key]
-
-    def _over(self, photographs: PhotoColours, source: "dict[str, moderngl.Texture]", buffers: "Mapping[str, Storage]"
-              ) -> "dict[str, moderngl.Texture]":
-        copied = isinstance(self.bridge, ReadBackBridge)
-        self._contradictions = self._contradictions or OverNetwork(self._programs, photographs.grid.size, copied=copied)
-        return self._contradictions.inputs(photographs, source, buffers)
-
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha, and over them the photographs."""
-        unpack, outputs, bridge = self._unpack, [self.picture], self.bridge
-        self._counts = self.photographs is not None
-        if self._shown is not None and isinstance(bridge, ReadBackBridge) and self.photographs is None:
-            return self._present_here(bridge, self._shown)
-        inputs: dict[str, moderngl.Texture] = {"copied": bridge.output_texture()} if isinstance(bridge, ReadBackBridge) else {}
-        buffers = {} if inputs else {"NETWORK": bridge.output}
-        if self.photographs is not None:
-            self._counted = self._counted or self.context.texture(self.picture.size, 1, dtype="f1", alignment=1)
-            unpack, outputs = self._pass(bounded=True, photographs=True), [*outputs, self._counted]
-            inputs |= self._over(self.photographs, inputs, buffers)
-        unpack.run(*outputs, inputs={**inputs, "filled": filled}, buffers=buffers)
+        self._picture.show(self.bridge, filled, self.photographs, self._shown)
 
-    def _present_here(self, bridge: ReadBackBridge, shown: np.ndarray) -> None:
-        """The same in compiled loops.  shown: of CpuFill."""
-        (width, height), made = self.picture.size, np.empty(len(shown), np.uint32)
-        in_rows(height, _LEAST_ROWS, present_rows, bridge.made.reshape(-1).view(np.uint16), shown, width, made)
-        self.picture.write(made)
+    @property
+    def picture(self) -> "moderngl.Texture":
+        """RGBA8, what was presented last."""
+        return self._picture.texture
 
     @property
     def photo_share(self) -> "moderngl.Texture | None":
         """R8: how much of each pixel of ``picture`` is from photographs; None: nothing."""
-        return self._counted if self._counts else None
+        return self._picture.photo_share
 
     def release(self) -> None:
         self._thread.close()
@@ -299,6 +252,6 @@ class NeuralStage:
         if self._runner is not None:
             with self._thread.lock, self._on_device():  # a run under way needs it to its end
                 self._runner.release()
-        for owned in (self.picture, self._counted, self._kept, self._contradictions):
-            if owned is not None:
-                owned.release()
+        self._picture.release()
+        if self._kept is not None:
+            self._kept.release()
