@@ -23,19 +23,14 @@ first-level cache."""
 
 @compiled(inline="always")
 def drawn_value(index):
-    """The index into TRAILING_ZEROS for the trailing zeros of a seeded hash (splitmix64) of a point's running number."""
+    """The index into TRAILING_ZEROS for the geometric value of a point: the trailing zeros of a seeded hash (splitmix64) of its
+    running number, 0 for half of all points, 1 for a quarter, ..., at most GEOMETRIC - 1."""
     z = np.uint64(index) * np.uint64(0x9E3779B97F4A7C15) + _SEED
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = (z ^ (z >> np.uint64(31))) | np.uint64(1 << (GEOMETRIC - 1))
     lowest = z & (~z + np.uint64(1))
     return (lowest * np.uint64(0x09AF) >> np.uint64(12)) & np.uint64(15)
-
-
-@compiled(inline="always")
-def geometric(index):
-    """The trailing zeros of that hash: 0 for half of all points, 1 for a quarter, ..., at most GEOMETRIC - 1."""
-    return TRAILING_ZEROS[drawn_value(index)]
 
 
 @compiled(inline="always")

@@ -142,9 +142,5 @@ class JoinedPoints(JoinedColumn):
         super().__init__(table, OpenColumns(files), (3,), np.uint32)
         self.files, self.checked, self.changes, self.first_stations = files, checked, changes, first_stations
 
-    def count_of(self, grid: int) -> int:
-        """Points of a grid."""
-        return self.table.counts[grid]
-
     def _changed(self, grid: int, rows: np.ndarray) -> None:
         self.changes[grid].apply(rows)
