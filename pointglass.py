@@ -136,3 +136,7 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+if __name__ == "__main__":  # ``python -m pointglass`` in a checkout; in a wheel .ci/wheel_main.py does it
+    import_module("pointglass.viewer.__main__").main()

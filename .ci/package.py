@@ -17,6 +17,7 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 _HELD = {
     "pointglass.py": "pointglass/__init__.py",
+    ".ci/wheel_main.py": "pointglass/__main__.py",
     "viewer": "pointglass/viewer",
     "model": "pointglass/model",
     "viewer/py.typed": "pointglass/py.typed",

@@ -69,6 +69,9 @@ def test_a_wheel_owns_one_name_and_says_what_it_is(installed):
     assert "pointglass/py.typed" in names and not any("__pycache__" in name or "/.ci/" in name for name in names)
     classifiers = set(metadata.get_all("Classifier", []))
     assert {"Programming Language :: Python :: 3.11", "Typing :: Typed", "Operating System :: POSIX :: Linux"} <= classifiers
+    said = subprocess.run([installed.python, "-m", "pointglass", "--version"], cwd=installed.work, env=installed.environment,
+                          capture_output=True, text=True, timeout=120)
+    assert (said.returncode, said.stdout) == (0, f"pointglass {metadata['Version']}\n"), said.stderr
     assert metadata["License-Expression"] == "MIT" and metadata["Description-Content-Type"] == "text/markdown"
 
 

@@ -190,7 +190,7 @@ def test_a_name_the_terminal_cannot_show_is_escaped(scan, tmp_path):
     path = tmp_path / "\u00fcn\u00ef.laz"
     path.write_bytes(scan.read_bytes())
     for given, code in ((path, 0), (tmp_path / "\u00f6.laz", 2)):
-        done = subprocess.run([sys.executable, "-m", "pointglass.viewer", "info", str(given)], cwd=ROOT,
+        done = subprocess.run([sys.executable, "-m", "pointglass", "info", str(given)], cwd=ROOT,
                               capture_output=True, timeout=120, env={**os.environ, "PYTHONIOENCODING": "ascii"})
         said = (done.stdout or done.stderr).decode("ascii")
         assert done.returncode == code and "Traceback" not in said and ("\\xfcn\\xef.laz" if code == 0 else "\\xf6") in said
