@@ -23,7 +23,7 @@ COLUMNS = ("xyz", "rgb", "intensity", "scan", "station", "classification", "inva
 def files(tmp_path, seed, monkeypatch):
     """A LAZ with stations, classes and intensities, and an E57 of two scans, each of several chunks."""
     for module in (las_source, e57_source):
-        monkeypatch.setattr(module, "CHUNK" if module is las_source else "_CHUNK", 1500)
+        monkeypatch.setattr(module, "CHUNK" if module is las_source else "BLOCK", 1500)
     rng = np.random.default_rng(seed)
     xyz, rgb = surface(6000, seed)
     laz = write_las(tmp_path / "a.laz", xyz, rgb.astype(np.uint16) * 257, rng.integers(0, 60000, 6000),
