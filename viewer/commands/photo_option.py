@@ -49,7 +49,7 @@ def check_photographs(settings: "Settings") -> None:
     from ..work.pictures.photo_folder import photographs_in, without_cameras
 
     if settings.photos not in ("auto", "off") and not without_cameras(folder := Path(settings.photos)):
-        photographs_in(folder)
+        photographs_in(folder, tell=False)  # whoever uses them tells
 
 
 def give_photographs(renderer: "Renderer", settings: "Settings", photographs: "Photographs | None") -> None:

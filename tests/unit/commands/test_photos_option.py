@@ -96,9 +96,11 @@ def test_a_folder_with_cameras_gives_the_photographs(scans, tmp_path, capsys):
         pose[:3, :3], pose[:3, 3] = turn({"a": 0.6, "b": 0.3}[photo.name])[0], photo.translation
         frames.append({"file_path": f"images/{photo.name}.png", "w": 320, "h": 240, "fl_x": 190.0,
                        "transform_matrix": pose.tolist()})
-    (taken / "transforms.json").write_text(json.dumps({"frames": frames}))
+    absent = frames[0] | {"file_path": "images/away.png"}
+    (taken / "transforms.json").write_text(json.dumps({"frames": [*frames, absent]}))
     _, origin, _ = rendered(scans[1], tmp_path, "--photos", str(taken))
     assert (origin == 4).mean() > 0.3
+    assert capsys.readouterr().err.count("taken: a camera has no photograph there: away\n") == 1
     assert main(["render", str(scans[1]), "--cameras", str(tmp_path / "transforms.json"), "--out", str(tmp_path / "no"),
                  "--photos", str(tmp_path / "nowhere")]) == 2  # fmt: skip
     assert "--photos" in (said := capsys.readouterr().err) and "nowhere" in said and not (tmp_path / "no").exists()

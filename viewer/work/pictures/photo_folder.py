@@ -1,5 +1,6 @@
 """Photographs in a folder with their cameras: nerfstudio's transforms.json, COLMAP, and ScanNet++'s layout of both."""
 
+import logging
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -13,29 +14,40 @@ from ...readers.photographs.placed_photographs import bytes_of
 from ...readers.photographs.posed_photograph import PosedPhotograph
 from ..cameras.camera_files import CAMERA_FORMATS, read_cameras
 
+log = logging.getLogger(__name__)
+
 PHOTO_ENDINGS = (".jpg", ".jpeg", ".png")
 _TRIED = 64
 """Pixels: a JPEG is decoded at an eighth of its size then."""
+_NAMED = 3
+"""Names of absent photographs that a message holds."""
 _OTHERS = ("mask", "depth", "semantic", "normal", "thumb")
 """Parts of the names of folders whose pictures are no photographs but are named like them."""
 
 
-def photographs_in(folder: Path) -> list[PosedPhotograph]:
+def photographs_in(folder: Path, *, tell: bool = True) -> list[PosedPhotograph]:
     """The photographs of a folder that have a camera, not decoded; their poses are in the scan's coordinates.
 
+    tell: whether the log names cameras that have no photograph.
     Raises InputError where the folder holds no cameras, a lens is distorted, or no camera has its photograph.
     """
     pictures: dict[str, Path] = {}
     for path in _pictures(folder):
         pictures.setdefault(path.stem, path)
-    found = []
+    found, absent = [], []
     for camera in read_cameras(folder):
-        if (path := pictures.get(camera.name)) is not None:
-            lens = camera.fx, camera.fy, camera.cx, camera.cy
-            found.append(PosedPhotograph(str(path), "pinhole", camera.width, camera.height, lens, False, camera.camera_to_world,
-                                         partial(_decode, path, (camera.width, camera.height)), path.name))
+        if (path := pictures.get(camera.name)) is None:
+            absent.append(camera.name)
+            continue
+        lens = camera.fx, camera.fy, camera.cx, camera.cy
+        found.append(PosedPhotograph(str(path), "pinhole", camera.width, camera.height, lens, False, camera.camera_to_world,
+                                     partial(_decode, path, (camera.width, camera.height)), path.name))
     if not found:
         raise InputError("holds no JPEG or PNG named like its cameras", file=folder)
+    if absent and tell:
+        cameras = "a camera has" if len(absent) == 1 else f"{len(absent)} cameras have"
+        names = ", ".join(absent[:_NAMED]) + (" ..." if len(absent) > _NAMED else "")
+        log.warning("%s: %s no photograph there: %s", folder, cameras, names)
     return found
 
 
