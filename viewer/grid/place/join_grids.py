@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from ...common.errors import InputError
+from ...preprocess.point_attributes import AttributeLayout
 from ...preprocess.scan_table import MOST_NUMBERS
 from ..checksum import checked_parts
 from ..density_layers import PARTS
 from ..scene import Scene
 from .joined_facts import attribute_tables, joined_facts
 from .joined_noise import joined_noise
-from .joined_points import JoinedPoints, PieceTable
+from .joined_points import JoinedPoints, PieceTable, PointChange
 from .joined_records import JoinedRecords
-from .point_change import PointChange
 
 _REACH = 1 << 30
 """Farthest cell from the first, so that cell numbers fit int32."""
@@ -53,18 +53,21 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path | None],
     layers = max(scene.layers for scene in scenes)
     offsets = [np.concatenate([np.zeros((layers - scene.layers) * len(scene.cell_coords), np.int64), scene.offsets])
                for scene in scenes]
-    table = PieceTable(offsets, layers)
+    edges = np.stack([of_grid[:: (len(of_grid) - 1) // layers] for of_grid in offsets], axis=1)
+    table = PieceTable(edges, [len(scene.cell_coords) for scene in scenes])
     sizes = [np.diff(of_grid).reshape(layers, -1) for of_grid in offsets]
     ends = np.concatenate([[0], np.cumsum(np.concatenate(sizes, axis=1).reshape(-1))])
     meta, first_stations = joined_facts(scenes)
     points: Any = JoinedPoints(
         table, [folder / "points.npy" if folder else scene.points for scene, folder in zip(scenes, folders)],
         [checked_parts(scene) for scene in scenes],
-        changes_of(scenes, first_stations, gains, missing_black), first_stations,
+        point_changes([scene.attributes for scene in scenes], first_stations, gains,
+                      missing_black or [scene.unlit for scene in scenes]),
+        first_stations,
     )  # fmt: skip
     records = JoinedRecords(
         table, [scene.records for scene in scenes if scene.records is not None],
-        [_record_columns(scene, folder) for scene, folder in zip(scenes, folders)],
+        [record_files(folder) if folder else _record_columns(scene) for scene, folder in zip(scenes, folders)],
     )  # fmt: skip
     coords = np.concatenate([scene.cell_coords + (own - base).astype(np.int32) for scene, own in zip(scenes, bases)])
     corners = np.stack([scene.bounds for scene in scenes])
@@ -76,23 +79,26 @@ def joined(scenes: Sequence[Scene], folders: Sequence[Path | None],
     )  # fmt: skip
 
 
-def _record_columns(scene: Scene, folder: Path | None) -> tuple[Any, Any]:
-    """Of the running numbers: the lower 32 bits and those above."""
-    if folder is not None:
-        return folder / "records.npy", folder / "records_high.npy"
+def record_files(folder: Path) -> tuple[Any, Any]:
+    """Of the running numbers of a grid: the lower 32 bits and those above."""
+    return folder / "records.npy", folder / "records_high.npy"
+
+
+def _record_columns(scene: Scene) -> tuple[Any, Any]:
+    """The same of a grid in memory."""
     assert scene.records is not None
     return scene.records.low, scene.records.high
 
 
-def changes_of(scenes: Sequence[Scene], first_stations: Sequence[int], gains: Sequence[np.ndarray | None] | None,
-               missing_black: Sequence[bool] | None) -> list[PointChange]:
-    """What makes the points of each grid those of the place."""
-    bits = attribute_tables([scene.attributes for scene in scenes])
-    black = missing_black or [scene.unlit for scene in scenes]
+def point_changes(layouts: Sequence[AttributeLayout], first_stations: Sequence[int],
+                  gains: Sequence[np.ndarray | None] | None, black: Sequence[bool]) -> list[PointChange]:
+    """What makes the points of each grid those of the place.  layouts: of the grids' attributes.  Others as for
+    :func:`joined`."""
+    bits = attribute_tables(layouts)
     return [
         PointChange(min(first_stations[k], MOST_NUMBERS - 1), bits[k], _colour_table(gains[k] if gains else None),
                     any(black) and not black[k])
-        for k in range(len(scenes))
+        for k in range(len(layouts))
     ]  # fmt: skip
 
 

@@ -127,10 +127,13 @@ def attribute_tables(layouts: Sequence[AttributeLayout]) -> list[np.ndarray | No
     for layout in layouts:
         same = not whole.has_classes and not layout.has_classes
         same |= whole.has_classes and layout.has_classes and (layout.low, layout.high) == (whole.low, whole.high)
+        if same:
+            tables.append(None)
+            continue
         classes = layout.class_of(stored) if layout.has_classes else np.zeros(len(stored), np.uint8)
         intensity = layout.intensity_of(stored) if layout.low is not None else None
         changed = whole.pack(classes if whole.has_classes else None, intensity, len(stored))
-        tables.append(None if same else changed.astype(np.uint32))
+        tables.append(changed.astype(np.uint32))
     return tables
 
 

@@ -6,6 +6,7 @@ of one grid.  The numbering is a table of pieces, a run of points of one layer o
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -14,13 +15,14 @@ import numpy as np
 
 from ..checksum import CheckedParts
 from ..npy_column import IndexedRows, NpyColumn, column_of
-from .point_change import PointChange
 
 _OPEN = 64
 """Columns whose file is kept open; the system limits open files to 1024 of a process by default."""
 HEAD = 1 << 18
 """First rows of a column that are kept once they were read, 3 MB of points: samples of a place are taken of them several times
 when it is opened, and each time the file of each grid would be opened."""
+_COLOUR = np.uint32(0x00FFFFFF)
+_LOW = np.uint32(0xFFFF)
 
 
 class OpenColumns:
@@ -49,16 +51,15 @@ class OpenColumns:
 
 
 class PieceTable:
-    """Which grid has a point.  offsets: of each grid, as in Scene, with the same number of layers.
+    """Which grid has a point.  edges: (L + 1, G) int64 number in each grid of the first point of each of its layers, and at the
+    end of all its points.  cells: (G,) of each grid.
 
     starts: (L * G + 1,) int64 number of the first point of each piece; piece k * G + g is layer k of grid g.
     local: (L * G,) int64 number of that point in its grid.  counts, cells: points and cells of each grid.
     """
 
-    def __init__(self, offsets: list[np.ndarray], layers: int):
-        self.grids, self.counts = len(offsets), [int(found[-1]) for found in offsets]
-        self.cells = [(len(found) - 1) // layers for found in offsets]
-        edges = np.stack([found[:: (len(found) - 1) // layers] for found in offsets], axis=1)
+    def __init__(self, edges: np.ndarray, cells: Sequence[int]):
+        self.grids, self.counts, self.cells, self.edges = len(cells), edges[-1].tolist(), cells, edges
         self.local = np.ascontiguousarray(edges[:-1]).reshape(-1)
         self.starts = np.concatenate([[0], np.cumsum(np.diff(edges, axis=0).reshape(-1))])
 
@@ -130,6 +131,40 @@ class JoinedColumn(IndexedRows):
 
     def _changed(self, grid: int, rows: np.ndarray) -> None:
         """Changes rows of a grid in place: a joined column may differ from what the grids store."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointChange:
+    """What is changed in the packed points of one grid of a place when they are read: station numbers, attribute bits, colours.
+    The grid on disk keeps its own, so that nothing is converted again when other files are added or removed.
+
+    Tables by the values that the grid stores; None where nothing changes.
+
+    first_station: what is added to a station number; sums beyond 255 are 255.  attributes: (65536,) uint32 attribute bits.
+    colours: (S, 3, 256) uint32 colours by station number of the grid, channel and stored colour.  lift_black: black is a colour
+    here, while the place treats black as missing colour; it becomes (1, 1, 1), as in viewer.preprocess.point_colour.
+    """
+
+    first_station: int = 0
+    attributes: np.ndarray | None = None
+    colours: np.ndarray | None = None
+    lift_black: bool = False
+
+    def apply(self, words: np.ndarray) -> None:
+        """Changes packed points (n, 3) uint32 in place."""
+        if self.attributes is not None:
+            words[:, 1] = words[:, 1] & _LOW | self.attributes[words[:, 1] >> 16] << np.uint32(16)
+        last = words[:, 2]
+        if self.colours is not None:
+            station = np.minimum(last >> np.uint32(24), len(self.colours) - 1)
+            red, green, blue = (self.colours[station, channel, last >> np.uint32(8 * channel) & 0xFF] for channel in range(3))
+            last = last & ~_COLOUR | red | green << np.uint32(8) | blue << np.uint32(16)
+        if self.lift_black:
+            last = last + np.where(last & _COLOUR, 0, 0x010101).astype(np.uint32)
+        if self.first_station:
+            station = np.minimum((last >> np.uint32(24)).astype(np.int64) + self.first_station, 255).astype(np.uint32)
+            last = last & _COLOUR | station << np.uint32(24)
+        words[:, 2] = last
 
 
 class JoinedPoints(JoinedColumn):

@@ -45,6 +45,15 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
 
     scenes: as read from ``folders``; at least one.  more: grids that are in memory only, which stay as they are.
     """
+    found = measured(scenes, folders, match)
+    by_grid, summary = applied_gains(found.gains, found.matched, station_counts(scenes))
+    scene = joined_in_memory(more, scenes, folders, by_grid, found.missing_black)
+    scene = scene if more else replace(scene, spacing=found.spacing)
+    return replace(scene, meta=replace(scene.meta, exposures=summary)) if match else scene
+
+
+def measured(scenes: Sequence[Scene], folders: Sequence[Path], match: bool) -> Measured:
+    """What is measured of the place, from the cache or found now and kept there.  Others as for :func:`scene_of_grids`."""
     kept, stations = _kept(scenes, folders, match), station_counts(scenes)
     found = _read(kept, sum(stations), len(scenes))
     if found is None:
@@ -56,10 +65,7 @@ def scene_of_grids(scenes: Sequence[Scene], folders: Sequence[Path], *, match: b
             spacing = joined_spacing(joined(scenes, folders))
             found = Measured(gains, matched, spacing, has_missing_black(scenes, folders))
         _write(kept, found)
-    by_grid, summary = applied_gains(found.gains, found.matched, stations)
-    scene = joined_in_memory(more, scenes, folders, by_grid, found.missing_black)
-    scene = scene if more else replace(scene, spacing=found.spacing)
-    return replace(scene, meta=replace(scene.meta, exposures=summary)) if match else scene
+    return found
 
 
 def joined_in_memory(more: Sequence[Scene], scenes: Sequence[Scene] = (), folders: Sequence[Path] = (),

@@ -16,6 +16,7 @@ from ...readers.moved_source import refuse_moved_grid
 from .. import cache as stored
 from ..density_layers import TooWideForCells
 from ..scene import Scene
+from . import kept_place
 from .convert_files import PlaceOptions, convert_one, known_grids, largest, refuse_none
 from .measured_place import scene_of_grids
 from .own_processes import largest_first, own_processes
@@ -31,17 +32,26 @@ def open_place(paths: Sequence[Path], *, match: bool = True, columns: str | None
     """One scene of files, and of folders made by ``convert``, and why each of the files that are not in it could not be read.
 
     match, columns, moves, workers: as for :func:`place_grids`, which says what is raised."""
+    asked = kept_place.asked_of(paths, match, columns, moves)
+    if asked is not None and (scene := kept_place.kept_scene(asked)) is not None:
+        return scene, []
+    scans = None if asked is None else kept_place.state_of_scans(asked)
     grids = place_grids(paths, match=match, columns=columns, moves=moves, workers=workers)
-    return scene_of_grids(grids.scenes, grids.folders, match=match), grids.errors
+    scene = scene_of_grids(grids.scenes, grids.folders, match=match)
+    if asked is not None and scans is not None and not grids.errors:
+        kept_place.keep(asked, scene, grids.scenes, grids.folders, scans, grids.states)
+    return scene, grids.errors
 
 
 @dataclass(frozen=True, eq=False)
 class PlaceGrids:
-    """The grids of a place.  scenes: as read from ``folders``.  errors: why other files could not be read."""
+    """The grids of a place.  scenes: as read from ``folders``.  errors: why other files could not be read.  states: of the
+    grids of files, before they were read (viewer.grid.place.kept_place)."""
 
     scenes: list[Scene]
     folders: list[Path]
     errors: list[InputError]
+    states: list[kept_place.States]
 
 
 def place_grids(paths: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None,
@@ -67,14 +77,16 @@ def place_grids(paths: Sequence[Path], *, match: bool = True, columns: str | Non
     if files and not given:
         refuse_none(files, list(errors.values()))
     opened: list[tuple[Scene, Path]] = []
+    states: list[kept_place.States] = []
     for path in paths:
         if path in given:
             assert size is not None
             opened.append(with_cells(given[path], path, size))
         elif path in folders:
+            states.append(kept_place.state_of(folders[path]))
             opened.append((_opened(folders[path], path, cache_dir(), replace(options, cell_size=size)), folders[path]))
     return PlaceGrids([scene for scene, _ in opened], [folder for _, folder in opened],
-                      [errors[file] for file in files if file in errors])
+                      [errors[file] for file in files if file in errors], states)
 
 
 def folder_scene(folder: Path, match: bool, moves: "Moves | None", *, late: bool = False) -> Scene:
@@ -155,6 +167,9 @@ def _converted(file: Path, *, cache: Path, options: PlaceOptions) -> Path | Inpu
 def missing_grids(files: Sequence[Path], *, match: bool = True, columns: str | None = None, moves: "Moves | None" = None
                   ) -> list[Path]:
     """The files that would be converted.  match, columns, moves: as for open_place."""
+    asked = kept_place.asked_of(files, match, columns, moves)
+    if asked is not None and kept_place.is_current(asked):
+        return []
     known = known_grids(files, cache_dir(), PlaceOptions(match, columns, tuple((moves or {}).items())))
     size = known.common_size()
     return [file for file in files if size not in known.folders[file]]
