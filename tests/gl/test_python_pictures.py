@@ -264,7 +264,7 @@ def test_a_scan_publishes_itself_as_the_command_does(tmp_path, seed):
         new = tmp_path / "new"
         cases: list[tuple[Any, dict[str, Any], str]] = [
             (tmp_path, {}, "other files"), (3.5, {}, "3.5: expected the path"), (new, {"title": 5}, "title 5: expected a text"),
-            (new, {"at": 1.5}, "at '1.5': expected auto"), (new, {"places": []}, "at "), (new, {"size": 500}, "size 500: "),
+            (new, {"at": 1.5}, "at '1.5': expected auto"), (new, {"at": []}, "at "), (new, {"size": 500}, "size 500: "),
             (new, {"size": [2]}, "size "), (new, {"view": {}}, "view "), (new, {"view": "x"}, "view 'x'"),
         ]  # fmt: skip
         for folder, given, said in cases:
