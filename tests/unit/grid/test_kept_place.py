@@ -92,6 +92,11 @@ def test_what_is_kept_gives_the_scene_of_the_grids_and_reads_none_of_their_heade
         assert is_cached(files)
         again, was_kept = opened(files, monkeypatch)
     assert was_kept
+    with monkeypatch.context() as patch:  # samples are taken of what is kept
+        patch.setattr("pointglass.viewer.grid.place.joined_points.column_of", None)
+        some = slice(0, again.coarse_points(4 * len(again.cell_coords)))
+        first = packed(again, some)
+    assert np.array_equal(first, packed(joined, some))
     assert any(change.colours is not None for change in joined.points.changes)
     assert any(change.attributes is not None for change in joined.points.changes)
     assert_same(again, joined)
@@ -118,6 +123,8 @@ def test_a_file_or_grid_that_changed_is_seen(files, tmp_path, monkeypatch):
     opened(files, monkeypatch)
     (grid / "meta.json").unlink()  # as of a grid whose points were damaged
     assert not is_cached(files)
+    assert not opened(files, monkeypatch)[1]
+    monkeypatch.setattr(kept_place, "_VERSIONS", [])
     assert not opened(files, monkeypatch)[1]
     fewer, was_kept = opened(files[:2], monkeypatch)
     assert not was_kept and fewer.count == 4000 + 4500

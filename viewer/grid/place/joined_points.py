@@ -93,9 +93,13 @@ class JoinedColumn(IndexedRows):
         raise TypeError("the points of a place are not one array: use viewer.grid.gathered_rows")
 
     def _sliced(self, start: int, stop: int, step: int) -> np.ndarray:
-        if step > 0 and start < stop <= HEAD:
+        if step > 0 and start < stop <= max(HEAD, len(self._head)):
             return self._head_to(stop)[start:stop:step].copy()
         return super()._sliced(start, stop, step)
+
+    def begin_with(self, head: np.ndarray) -> None:
+        """Takes the first rows as they were read earlier; they are not read again."""
+        self._head = head
 
     def _head_to(self, stop: int) -> np.ndarray:
         """The first rows, at least ``stop`` of them."""
