@@ -146,7 +146,7 @@ class Enclosure:
         points, of_points = _sample(scene, starts, max(_NEAR_SAMPLES, _NEAR_A_CELL * len(coords)))
         mixed = np.random.default_rng(0).permutation(len(points))
         assert _SAMPLES < 1 << 16  # numbers of blocks of 16 bits are sorted by radix, in a tenth of the time
-        self._near = points[mixed[np.argsort(of_points[mixed].astype(np.uint16), kind="stable")]]
+        self._near = points.take(mixed[np.argsort(of_points[mixed].astype(np.uint16), kind="stable")], axis=0)
         self._first = np.zeros(len(starts) + 1, np.int64)
         np.cumsum(np.bincount(of_points, minlength=len(starts)), out=self._first[1:])
         self._below = _centres()[:, 2] < 0
@@ -210,4 +210,5 @@ def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray
     step = max(1, head // wanted)
     cells = scene.cell_of_points(0, head)[::step]
     some = slice(0, head, step)
-    return positions(scene, packed(scene, some), some), np.searchsorted(starts, cells, side="right") - 1
+    blocks = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(scene.cell_coords)))  # of each cell
+    return positions(scene, packed(scene, some), some), blocks[cells]
