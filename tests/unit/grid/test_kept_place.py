@@ -40,8 +40,8 @@ def stations_of_one_room(folder: Path) -> list[Path]:
 
 
 def kept_file() -> Path:
-    (found,) = (Path(os.environ["POINTGLASS_CACHE"]) / "places").glob("joined-*")
-    return found
+    found = list((Path(os.environ["POINTGLASS_CACHE"]) / "places").glob("joined-*"))
+    return found[0]
 
 
 def opened(files, monkeypatch):
@@ -162,3 +162,14 @@ def test_what_another_window_replaces_while_it_is_joined_is_not_kept_as_its_stat
         opened(files, monkeypatch)
     assert not opened(files, monkeypatch)[1]
     assert opened(files, monkeypatch)[1]
+
+
+def test_the_places_written_last_are_kept(files, monkeypatch):
+    monkeypatch.setattr(kept_place, "MOST_KEPT", 2)
+    places = [files, files[:2], files[1:]]
+    for number, place in enumerate(places):
+        opened(place, monkeypatch)
+        for kept in kept_file().parent.glob("joined-*"):
+            if kept.stat().st_mtime_ns > 10:
+                os.utime(kept, ns=(number, number))  # clocks of file systems are coarse
+    assert [opened(place, monkeypatch)[1] for place in (files[1:], files[:2], files)] == [True, True, False]

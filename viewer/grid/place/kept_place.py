@@ -51,6 +51,9 @@ LEAST_GRIDS = 32
 """Of fewer grids nothing is kept: they are opened in 30 ms."""
 _START = struct.Struct("<II")
 """Checksum and length of the head, with which the file begins."""
+MOST_KEPT = 8
+"""Places that are kept, those written last: a place to which a file is added is another one, and each takes up to 0.3 % of the
+size of its grids."""
 _SAMPLED_OF_CELL = 4
 """First points that are kept with the place, of each of its cells: samples are taken of them (viewer.render.culling.
 enclosed_directions), for which each grid would be read.  They are 0.2 % of a place of a billion points, 24 MB."""
@@ -159,6 +162,10 @@ def keep(asked: Asked, scene: Scene, scenes: Sequence[Scene], folders: Sequence[
     with contextlib.suppress(OSError):  # a cache that cannot be written costs time only
         kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         write_atomic(kept, lambda part: part.write_bytes(whole), sources=asked.files)
+        others = [other for other in kept.parent.glob("joined-*.bin") if other != kept]
+        others.sort(key=lambda other: other.stat().st_mtime_ns, reverse=True)
+        for other in others[MOST_KEPT - 1 :]:
+            other.unlink(missing_ok=True)
 
 
 def _packed(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> bytes:
