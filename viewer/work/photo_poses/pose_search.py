@@ -5,7 +5,7 @@ there are those of the points.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ...picture.camera import Camera
 from .picture_features import Features, features_of, matches
 from .pose_solver import SolvedPose, distances, ransac_pose, refined_pose
 from .reference_views import Draw, ReferenceView, view_of
+from .repetitions import repeated_shifts
 
 Judge = Callable[[Camera], float]
 """Camera, at the size of the picture that is searched -> share of the points' differences in colour that the photograph
@@ -37,11 +38,17 @@ of atrium is the fourth.  Matches within so many tolerances of a pose say nothin
 COLOURS = 0.5
 """Share of the points' differences in colour that a photograph explains at its place.  In atrium, kitchen and bathroom true
 poses have 0.60 to 0.88; places that repeat an arch, a tile or a cupboard, with up to 930 features that agree, 0.03 to 0.42."""
-RIVAL, ALIKE = 0.6, 0.1
+RIVAL, ALIKE, WORSE = 0.6, 0.1, 0.2
 """Share of the best pose's matches with which another place makes it ambiguous whose colours agree, too, or explain at most
-ALIKE less.  Of a photograph between the arcades of atrium 1,400 features agree at its mirror image, 11 m off, where 0.72 is
-explained; at its place 1,000 and 0.60.  Of one of dining-room's tiles, each the image of the next, two places explain 0.51 and
-0.48, both of them 2.1 m off."""
+ALIKE less, but not WORSE less; and any place whose colours explain more.  Of a photograph between the arcades of atrium 1,400
+features agree at its mirror image, 11 m off, where 0.72 is explained; at its place 1,000 and 0.60.  Of one of dining-room's
+tiles, each the image of the next, two places, both 2.1 m off, explain 0.51 and 0.48; its true place, which _repeated adds,
+0.74."""
+
+SHIFTS, FOLLOWED = 12, 3
+"""Shifts by which the scan repeats what the best pose shows that are judged by colours, and of those the best that are followed
+up.  Matches of four of six photographs of dining-room's tiles lead to places beside the true one, and to it none; the true
+place, moved there by the shift alone, explains 0.71 to 0.74 of the differences, the others 0.64 at most."""
 
 UNCERTAIN = 0.02, 0.5
 """Error that 95 of 100 poses stay below from which on one is called uncertain: of the place, as a share of the distance of what
@@ -65,6 +72,15 @@ class FoundPose:
     uncertain: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Agreeing:
+    """A pose with the features of the photograph that agree with it, and their points (n, 3)."""
+
+    pose: SolvedPose
+    features: Features
+    points: np.ndarray
+
+
 @dataclass(frozen=True)
 class NotFound:
     """why: for a person."""
@@ -84,36 +100,55 @@ def find_pose(draw: Draw, judge: Judge, views: list[ReferenceView], origin: np.n
     features = features_of(picture, FEATURES)
     pairs = [matches(features, view.features) for view in views]
     own = None if stated is None else stated / scale
-    found: list[tuple[SolvedPose, np.ndarray]] = []
-    for first in _first_poses(features, views, pairs, centre, longest, own):
-        kept: tuple[SolvedPose, np.ndarray] | None = (first, features.places[:0])
+
+    def followed(first: SolvedPose) -> Agreeing | None:
+        place: Agreeing | None = Agreeing(first, features.chosen(np.empty(0, np.intp)), np.empty((0, 3)))
         for reach in REACH:
-            kept = kept and _looked_again(draw, origin, features, (width, height), kept[0], reach, own)
-        if kept is not None and not any(_same(kept[0], other) for other, _ in found):
-            found.append(kept)
+            place = place and _looked_again(draw, origin, features, (width, height), place.pose, reach, own)
+        return place
+
+    def explained(pose: SolvedPose) -> float:
+        return judge(_camera(pose, origin, (width, height), name))
+
+    found: list[Agreeing] = []
+    for first in _first_poses(features, views, pairs, centre, longest, own):
+        _add(found, followed(first))
     if not found:
         return NotFound("its features agree with no place in the scan")
-    most = max(len(pose.consistent) for pose, _ in found)
-    found = [(pose, places) for pose, places in found
-             if len(pose.consistent) >= LEAST_MATCHES and _cells(places, width, height) >= CELLS]
+    most = max(len(place.points) for place in found)
+    found = [place for place in found if _believed(place, width, height)]
     if not found:
         return NotFound(f"only {most} of its features agree with a place in the scan")
-    found.sort(key=lambda one: -len(one[0].consistent))
-    explained = [judge(_camera(pose, origin, (width, height), name)) for pose, _ in found]
-    if max(explained) < COLOURS:
+    for first in _repeated(found, views, explained):
+        if (place := followed(first)) is not None and _believed(place, width, height):
+            _add(found, place)
+    found.sort(key=lambda place: -len(place.points))
+    shares = [explained(place.pose) for place in found]
+    if max(shares) < COLOURS:
         return NotFound(f"{most} of its features agree with a place in the scan, but its colours explain only "
-                        f"{100 * max(0.0, *explained):.0f} % of the differences between the points there")
-    taken = next(number for number, share in enumerate(explained) if share >= COLOURS)
-    pose, limit = found[taken][0], min(COLOURS, explained[taken] - ALIKE)
-    for number, (other, _) in enumerate(found):
-        if number != taken and explained[number] >= limit and len(other.consistent) > RIVAL * len(pose.consistent):
-            apart = np.linalg.norm(other.position - pose.position)
-            return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
+                        f"{100 * max(0.0, *shares):.0f} % of the differences between the points there")
+    pose = _chosen(found, shares)
+    if isinstance(pose, NotFound):
+        return pose
     place, angle = (pose.within[0], float(np.degrees(pose.within[1]))) if pose.share >= AGREEING else (np.inf, np.inf)
     camera = _camera(pose, origin, (width, height), name)
     whole = Camera(*size, pose.focal * scale, pose.focal * scale, size[0] / 2, size[1] / 2, camera.camera_to_world, name)
     return FoundPose(whole, pose.residual * scale, len(pose.consistent), (place, angle),
                      place > UNCERTAIN[0] * pose.distance or angle > UNCERTAIN[1])  # fmt: skip
+
+
+def _chosen(found: list[Agreeing], shares: list[float]) -> SolvedPose | NotFound:
+    """Of places, those with the most matches first, the first whose colours agree, where no other one looks like it.
+
+    shares: that their colours explain, one of them COLOURS or more."""
+    taken = next(number for number, share in enumerate(shares) if share >= COLOURS)
+    pose, limit = found[taken].pose, max(min(COLOURS, shares[taken] - ALIKE), shares[taken] - WORSE)
+    for number, other in enumerate(found):
+        many = len(other.points) > RIVAL * len(found[taken].points)
+        if number != taken and ((many and shares[number] >= limit) or shares[number] > shares[taken]):
+            apart = np.linalg.norm(other.pose.position - pose.position)
+            return NotFound(f"ambiguous: two places in the scan, {apart:.3g} units apart, look like it")
+    return pose
 
 
 def _first_poses(features: Features, views: list[ReferenceView], pairs: list[np.ndarray], centre: tuple[float, float],
@@ -144,16 +179,38 @@ def _same(a: SolvedPose, b: SolvedPose) -> bool:
     return bool(turned < 0.05 and np.linalg.norm(a.position - b.position) < 10 * min(a.deviations[0], b.deviations[0]))
 
 
+def _add(found: list[Agreeing], place: Agreeing | None) -> None:
+    """Appends a place that is not among them."""
+    if place is not None and not any(_same(place.pose, other.pose) for other in found):
+        found.append(place)
+
+
+def _believed(place: Agreeing, width: int, height: int) -> bool:
+    return len(place.points) >= LEAST_MATCHES and _cells(place.features.places, width, height) >= CELLS
+
+
+def _repeated(found: list[Agreeing], views: list[ReferenceView], explained: Callable[[SolvedPose], float]) -> list[SolvedPose]:
+    """Poses whose colours may agree, shifted from that of ``found`` whose colours agree best to where the scan repeats what it
+    shows."""
+    best = max(found, key=lambda place: explained(place.pose))
+    pose = best.pose
+    beside = [replace(pose, shift=pose.shift - pose.rotation @ shift)
+              for shift in repeated_shifts(best.features, best.points, pose.distance, views, SHIFTS)]
+    shares = [explained(other) for other in beside]
+    order = sorted(range(len(beside)), key=lambda number: -shares[number])[:FOLLOWED]
+    return [beside[number] for number in order if shares[number] >= COLOURS - ALIKE]
+
+
 def _looked_again(draw: Draw, origin: np.ndarray, features: Features, size: tuple[int, int], pose: SolvedPose,
-                  reach: float, stated: float | None) -> tuple[SolvedPose, np.ndarray] | None:
-    """The pose by matches with the view from ``pose``, and the places (n, 2) of those that agree."""
+                  reach: float, stated: float | None) -> Agreeing | None:
+    """The pose by matches with the view from ``pose``."""
     longest, centre = max(size), (size[0] / 2, size[1] / 2)
     view = view_of(draw, _camera(pose, origin, size, ""), origin, FEATURES)
     pairs = matches(features, view.features, within=reach * longest)
     pixels, points = features.places[pairs[:, 0]], view.points[pairs[:, 1]]
     found = refined_pose(pixels, points, centre, pose, 2 * TOLERANCE * longest, stated=stated) if len(pairs) else None
     found = found and refined_pose(pixels, points, centre, found, TOLERANCE * longest, stated=stated)
-    return found and (found, pixels[found.consistent])
+    return found and Agreeing(found, features.chosen(pairs[found.consistent, 0]), points[found.consistent])
 
 
 def _camera(pose: SolvedPose, origin: np.ndarray, size: tuple[int, int], name: str) -> Camera:
