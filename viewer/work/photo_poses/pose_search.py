@@ -13,7 +13,7 @@ from ...picture.camera import Camera
 from .picture_features import Features, features_of, matches
 from .pose_solver import SolvedPose, distances, ransac_pose, refined_pose
 from .reference_views import Draw, ReferenceView, view_of
-from .repetitions import repeated_shifts
+from .repetitions import repeating_moves
 
 Judge = Callable[[Camera], float]
 """Camera, at the size of the picture that is searched -> share of the points' differences in colour that the photograph
@@ -45,10 +45,10 @@ features agree at its mirror image, 11 m off, where 0.72 is explained; at its pl
 tiles, each the image of the next, two places, both 2.1 m off, explain 0.51 and 0.48; its true place, which _repeated adds,
 0.74."""
 
-SHIFTS, FOLLOWED = 12, 3
-"""Shifts by which the scan repeats what the best pose shows that are judged by colours, and of those the best that are followed
+MOVES, FOLLOWED = 16, 3
+"""Moves by which the scan repeats what the best pose shows that are judged by colours, and of those the best that are followed
 up.  Matches of four of six photographs of dining-room's tiles lead to places beside the true one, and to it none; the true
-place, moved there by the shift alone, explains 0.71 to 0.74 of the differences, the others 0.64 at most."""
+place, moved there by the move alone, explains 0.71 to 0.74 of the differences, the others 0.64 at most."""
 
 UNCERTAIN = 0.02, 0.5
 """Error that 95 of 100 poses stay below from which on one is called uncertain: of the place, as a share of the distance of what
@@ -190,12 +190,14 @@ def _believed(place: Agreeing, width: int, height: int) -> bool:
 
 
 def _repeated(found: list[Agreeing], views: list[ReferenceView], explained: Callable[[SolvedPose], float]) -> list[SolvedPose]:
-    """Poses whose colours may agree, shifted from that of ``found`` whose colours agree best to where the scan repeats what it
+    """Poses whose colours may agree, moved from that of ``found`` whose colours agree best to where the scan repeats what it
     shows."""
     best = max(found, key=lambda place: explained(place.pose))
     pose = best.pose
-    beside = [replace(pose, shift=pose.shift - pose.rotation @ shift)
-              for shift in repeated_shifts(best.features, best.points, pose.distance, views, SHIFTS)]
+    beside = []
+    for move in repeating_moves(best.features, best.points, pose.distance, views, MOVES):
+        rotation = pose.rotation @ move.rotation.T
+        beside.append(replace(pose, rotation=rotation, shift=pose.shift - rotation @ move.shift))
     shares = [explained(other) for other in beside]
     order = sorted(range(len(beside)), key=lambda number: -shares[number])[:FOLLOWED]
     return [beside[number] for number in order if shares[number] >= COLOURS - ALIKE]
