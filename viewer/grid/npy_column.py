@@ -32,6 +32,8 @@ _PLAIN_NPY = re.compile(rb"\x93NUMPY\x01\x00\x76\x00\{'descr': '(?P<type>[<|][ui
 has hundreds of grids of ten arrays.  Other headers are left to NumPy."""
 _GAP = 16 << 10
 """Bytes between two wanted rows that are read with them, rather than by a call of their own: 3 us either way, measured."""
+_LONGEST = 1 << 48
+"""Values along a side of an array, at most; no file holds as many."""
 _PIECE = 8 << 20
 """Bytes that are read at once where not all of them are wanted."""
 
@@ -227,6 +229,8 @@ def _read_header(path: Path | str, file: io.FileIO) -> tuple[tuple[int, ...], np
         shape, fortran, dtype = read(file)
     if fortran and len(shape) > 1:
         raise DamagedGrid(f"{os.path.basename(path)}: its rows lie in another order")
+    if not all(type(side) is int and 0 <= side <= _LONGEST for side in shape):  # True is a number, and 0 times 10**30 is little
+        raise DamagedGrid(f"{os.path.basename(path)}: a shape of {shape}")
     if dtype.hasobject or not dtype.itemsize or not shape:
         raise DamagedGrid(f"{os.path.basename(path)}: its values are no numbers")
     return shape, dtype, file.tell()
