@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from window_session import FEW, room, session, until_idle
 
+from pointglass.viewer.common.errors import InputError
 from pointglass.viewer.common.progress import progress
 from pointglass.viewer.window.flight.navigation import view_along
 from pointglass.viewer.window.flight.start_viewpoint import start_state, survey
@@ -17,6 +18,7 @@ from pointglass.viewer.window.interaction.walk_mode import WalkMode
 from pointglass.viewer.window.kit.notices import LoadAllPoints
 from pointglass.viewer.window.panels.status_bar import _columns
 from pointglass.viewer.window.session.loading import Loaded
+from pointglass.viewer.window.session.scan_notice_actions import current_notices
 
 
 def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_the_camera():
@@ -148,4 +150,26 @@ def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
     made.escape()
     assert _columns(made, None)[3].text == "preview" and "were not read" in _columns(made, None)[3].explained
     assert made.shown_scan.preview and made.scene is loaded.scene and work is not None and work.join(10)
-    assert [notice.offer for notice in made.notices.of_scan] == [LoadAllPoints()]
+    assert [notice.offer for notice in current_notices(made)] == [LoadAllPoints()]
+
+
+def test_a_preview_whose_load_fails_stays_and_offers_the_rest():
+    silent = threading.Event()
+
+    def failing(paths, **_):
+        silent.wait(60)
+        raise InputError("no answer for 20 s", file="a.laz")
+
+    made, _ = session()
+    made.loads.open_scene, made.loads.preview_scene = failing, lambda paths, **_: room(points=500)
+    made.open([Path("a.laz")])
+    loaded = None
+    while loaded is None:
+        loaded = made.poll()
+    made.accept(loaded)
+    assert current_notices(made) == []
+    silent.set()
+    while made.loads.current is not None:
+        assert made.poll() is None
+    assert made.notices.message is not None and "no answer for 20 s" in made.notices.message.text
+    assert [notice.offer for notice in current_notices(made)] == [LoadAllPoints()]

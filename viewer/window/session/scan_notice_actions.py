@@ -4,6 +4,7 @@ axis."""
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ...common.text import counted
 from ...picture.edits import UP_AXES
 from ...work.project import moves_of
 from ..kit.notices import Brighten, CallUp, KeepAsScanned, LoadAllPoints, Offer, OpenProject, ScanNotice
@@ -13,10 +14,15 @@ if TYPE_CHECKING:
 
 
 def current_notices(session: "Session") -> list[ScanNotice]:
-    """The notices about the scan shown, without that of a dark scan while its exposure is raised as far as it offers."""
+    """The notices about the scan shown, without that of a dark scan while its exposure is raised as far as it offers; and about
+    a preview that stays because its load was cancelled or failed."""
     offered = session.shown_scan.exposure
     brightened = offered is not None and session.document.look.exposure >= offered
-    return [notice for notice in session.notices.of_scan if not (brightened and isinstance(notice.offer, Brighten))]
+    found = [notice for notice in session.notices.of_scan if not (brightened and isinstance(notice.offer, Brighten))]
+    loads = session.loads
+    if session.scene is not None and session.shown_scan.preview and loads.current is None and not loads.reading.on:
+        found.append(ScanNotice(f"This is a preview of {counted(session.scene.count, 'point')}.", LoadAllPoints()))
+    return found
 
 
 def act_on_notice(session: "Session", offer: Offer) -> None:

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...common.text import counted
 from ...picture.camera import Camera
 from ...picture.settings import Settings
 from ...picture.spec import PictureSpec
@@ -28,7 +27,7 @@ from ...preprocess.scan_description import NO_DESCRIPTION, ScanDescription
 from ...render.frame import FrameCost
 from ...work.document import Document
 from ..flight.flight import Flight
-from ..kit.notices import LoadAllPoints, Notices, Problem, ScanNotice, ToastSubject
+from ..kit.notices import Notices, Problem, ToastSubject
 from ..planning import networks, opened_ahead
 from ..planning.picture_plan import Plan, RefinementState
 from ..planning.view_settings import ViewSettings
@@ -300,8 +299,7 @@ class Session:
         """Gives the load under way up and says so; the scene stays, and so does a preview."""
         self.loads.cancel()
         self.notices.toast("Loading cancelled")
-        if not self.loads.reading.resume() and self.shown_scan.preview and self.scene is not None:
-            self.notices.of_scan = [ScanNotice(f"This is a preview of {counted(self.scene.count, 'point')}.", LoadAllPoints())]
+        self.loads.reading.resume()
 
     def close(self) -> None:
         """Stops workers, and waits until what they were writing is gone."""
